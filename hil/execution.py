@@ -5,15 +5,17 @@ workers wait for one another. Each worker has its own process group, so that Ctr
 command alone. An interrupted command ends its workers, and a worker ends the processes that it
 started. A worker without its command ends too.
 
-Jobs return in the order of completion. On a cluster, workers need the same environment and the same
-folders under the same paths. After an interrupt they finish their current job.
+Jobs return in the order of completion. The result of a job whose process ended is a
+`BrokenExecutor`; a cluster repeats such a job a few times first. On a cluster, workers need the
+same environment and the same folders under the same paths. After an interrupt they finish their
+current job.
 """
 
 from __future__ import annotations
 
 import os
 import signal
-from concurrent.futures import ProcessPoolExecutor, as_completed
+from concurrent.futures import BrokenExecutor, ProcessPoolExecutor, as_completed
 from contextlib import contextmanager, suppress
 from functools import partial
 from multiprocessing import active_children, get_context, parent_process
@@ -42,7 +44,7 @@ def local(workers: int) -> Iterator[Execute[Any, Any]]:
     context = get_context("spawn")
     with ProcessPoolExecutor(workers, mp_context=context, initializer=_start) as pool:
         try:
-            yield _executor(pool.submit, as_completed)
+            yield _executor(pool.submit, as_completed, BrokenExecutor)
         except BaseException:
             for worker in set(active_children()) - others:
                 worker.terminate()
@@ -69,14 +71,21 @@ def cluster(address: str) -> Iterator[Execute[Any, Any]]:
     except (OSError, ValueError) as error:
         raise FileError(f"{address}: no Dask scheduler answers: {error}") from error
     with client:
-        yield _executor(partial(client.submit, pure=False), distributed.as_completed)
+        submit = partial(client.submit, pure=False)
+        yield _executor(submit, distributed.as_completed, distributed.KilledWorker)
 
 
-def _executor(submit: Callable[..., Any], completed: Callable[..., Any]) -> Execute[Any, Any]:
+def _executor(
+    submit: Callable[..., Any], completed: Callable[..., Any], died: type[Exception]
+) -> Execute[Any, Any]:
     def execute(function: Callable[[Any], Any], jobs: Iterable[Any]) -> Iterator[tuple[Any, Any]]:
         futures = {submit(function, job): job for job in jobs}
         for future in completed(futures):
-            yield futures[future], future.exception() or future.result()
+            if (error := future.exception()) is None:
+                yield futures[future], future.result()
+            else:
+                ended = isinstance(error, died)
+                yield futures[future], BrokenExecutor(str(error)) if ended else error
 
     return execute
 

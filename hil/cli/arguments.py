@@ -7,6 +7,9 @@ command load no numerics, no bus and no files; a command imports its dependencie
 
 from __future__ import annotations
 
+import os
+import sys
+from contextlib import AbstractContextManager, nullcontext
 from dataclasses import dataclass, fields, is_dataclass
 from functools import partial, wraps
 from inspect import Parameter, signature
@@ -50,6 +53,18 @@ Without = Annotated[
         "--without",
         metavar="ID",
         help="Measurement to exclude, such as a damaged one; may be repeated.",
+    ),
+]
+Workers = Annotated[
+    int | None,
+    typer.Option(min=1, help="Maximum number of parallel processes on this machine."),
+]
+LOCAL = "local"
+Scheduler = Annotated[
+    str | None,
+    typer.Option(
+        help="Address of a Dask scheduler, such as tcp://host:8786; or local: a process per"
+        " processor of this machine."
     ),
 ]
 RobotName = Annotated[
@@ -147,6 +162,26 @@ BitRate = partial(typer.Option, min=10_000, max=1_000_000)
 
 Pacing = Literal["auto", "lock-step", "wall-clock"]
 """Clock of SYNC."""
+
+
+def executor(
+    workers: int | None, scheduler: str | None, jobs: int | None = None
+) -> AbstractContextManager[Any]:
+    """Return an executor of parallel jobs; None for a single job.
+
+    By default it has a process per processor of this machine.
+    """
+    from hil import execution
+
+    if scheduler not in (None, LOCAL):
+        if workers is not None:
+            raise typer.BadParameter(
+                "--workers applies to this machine, not to a Dask cluster; omit --workers",
+                param_hint="--workers",
+            )
+        return execution.cluster(scheduler)
+    most = min(workers or os.cpu_count() or 1, jobs or sys.maxsize)
+    return nullcontext() if jobs and most == 1 else execution.local(most)
 
 
 @dataclass(frozen=True)

@@ -102,6 +102,10 @@ EXAMPLES: dict[str, tuple[str, str]] = {
         "hil history runs/january runs/june",
         "hil history runs/january runs/june --page history.html --fail-on-change",
     ),
+    "fleet identify": (
+        "hil fleet identify plant-a plant-b",
+        "hil fleet identify plant-a --scheduler tcp://host:8786",
+    ),
     "fleet index": (
         "hil fleet index plant-a plant-b -o fleet.parquet",
         "hil fleet index s3://bucket/plant-a -o fleet.parquet --workers 4",

@@ -4,14 +4,13 @@ from __future__ import annotations
 
 import os
 import sys
-from contextlib import AbstractContextManager, nullcontext
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from checked_files.foreign_text import shown
-from hil.cli.arguments import Masses, Without, body_bounds
+from hil.cli.arguments import Masses, Scheduler, Without, Workers, body_bounds, executor
 from hil.cli.completion import files, formats, robots, runs
 from hil.cli.outputs import Status, folder_to_write, new_folder, output_option, refuse_no_folder
 from hil.terminal.console import out, say, working
@@ -20,7 +19,6 @@ if TYPE_CHECKING:
     from hil.imports.statement import Statement
 
 
-LOCAL = "local"
 commands = typer.Typer()
 
 
@@ -59,17 +57,8 @@ def import_(
             help="Print the interpretation of each joint, and the results of all checks.",
         ),
     ] = False,
-    workers: Annotated[
-        int | None,
-        typer.Option(min=1, help="Number of maps to import in parallel; 1 by default."),
-    ] = None,
-    scheduler: Annotated[
-        str | None,
-        typer.Option(
-            help="Address of a Dask scheduler, such as tcp://host:8786; or local: a process per"
-            " processor of this machine."
-        ),
-    ] = None,
+    workers: Workers = None,
+    scheduler: Scheduler = None,
 ) -> None:
     """Import recordings of any robot into a run folder."""
     if (draft is None) == (not maps):
@@ -79,11 +68,6 @@ def import_(
         return
     if robot is not None:
         raise typer.BadParameter("maps name their robot; omit --robot, or draft a map by --draft")
-    if workers is not None and scheduler not in (None, LOCAL):
-        raise typer.BadParameter(
-            "--workers applies to this machine, not to a Dask cluster; omit --workers",
-            param_hint="--workers",
-        )
     from hil.imports.importing import import_recordings
 
     paths, done = list(maps or ()), 0
@@ -99,21 +83,10 @@ def import_(
     def progress(path: Path, rows: int) -> None:
         status.update(f"{done} of {len(paths)} maps imported, reading {path.name}: {rows} rows")
 
-    with _executor(scheduler, workers, len(paths)) as execute, out.status("reading") as status:
+    most = len(paths) if workers or scheduler else 1
+    with executor(workers, scheduler, most) as execute, out.status("reading") as status:
         run = import_recordings(paths, output, state, progress, execute, allowed or ())
     say(f"{output}: a run of {run.robot.name}; continue with: hil identify {output}")
-
-
-def _executor(
-    scheduler: str | None, workers: int | None, n_maps: int
-) -> AbstractContextManager[Any]:
-    """Return an executor for parallel imports, None for sequential ones."""
-    from hil import execution
-
-    if scheduler not in (None, LOCAL):
-        return execution.cluster(scheduler)
-    most = workers or (os.cpu_count() or 1 if scheduler else 1)
-    return execution.local(min(most, n_maps)) if min(most, n_maps) > 1 else nullcontext()
 
 
 def _relative(path: Path, output: Path) -> str:

@@ -7,6 +7,7 @@ from typing import Annotated
 
 import typer
 
+from hil.cli.arguments import Scheduler, Workers, executor
 from hil.cli.outputs import (
     Status,
     file_to_write,
@@ -46,18 +47,48 @@ def index(
     output: Annotated[
         Path, output_option(folder_to_write, "Folder of the index to create or extend.")
     ] = Path("fleet.parquet"),
-    workers: Annotated[int, typer.Option(min=1, help="Number of processes that read models.")] = 1,
+    workers: Workers = None,
+    scheduler: Scheduler = None,
 ) -> None:
     """Add the models of all runs in folders to an index; known models are not read again."""
-    from hil import execution
     from hil.commands.fleet import index as index_models
 
-    with execution.local(workers) as execute, out.status("looking for models") as status:
+    with executor(workers, scheduler) as execute, out.status("looking for models") as status:
         found = index_models(folders, output, execute, status.update)
     for reason in found.left_out:
         say(f"left out: {reason}", style="yellow")
     say(f"{found.new} runs added to {output}, {found.known} known already")
     give(added=found.new, known=found.known, left_out=list(found.left_out))
+    if found.left_out:
+        raise typer.Exit(Status.REFUSED)
+
+
+@fleet_commands.command()
+def identify(
+    folders: Annotated[
+        list[Path],
+        typer.Argument(
+            metavar="FOLDER",
+            exists=True,
+            file_okay=False,
+            help="Folders with run folders at any depth.",
+        ),
+    ],
+    workers: Workers = None,
+    scheduler: Scheduler = None,
+) -> None:
+    """Identify all runs in folders, in parallel; up-to-date models stay.
+
+    The same command resumes an interrupted one.
+    """
+    from hil.commands.fleet import identify_runs
+
+    with executor(workers, scheduler) as execute, out.status("looking for runs") as status:
+        found = identify_runs(folders, execute, status.update)
+    for reason in found.left_out:
+        say(f"not identified: {reason}", style="yellow")
+    say(f"{found.new} runs identified, {found.known} up to date")
+    give(identified=found.new, known=found.known, left_out=list(found.left_out))
     if found.left_out:
         raise typer.Exit(Status.REFUSED)
 

@@ -1,4 +1,4 @@
-"""`hil fleet`: an index of many machines' models as Parquet, and tests for deviating machines.
+"""`hil fleet`: identification and index of many runs, and tests for deviating machines.
 
 The index is a folder, ``robot=DIGEST/*.parquet``: one row for each run and quantity, a file for
 each call of `index` and robot. A model with known address and state is not read again. DuckDB reads
@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import hashlib
 import math
+from concurrent.futures import BrokenExecutor
 from contextlib import contextmanager
 from dataclasses import dataclass
 from datetime import UTC, datetime
@@ -20,6 +21,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple, get_args
 import numpy as np
 
 from checked_files.budget import refuse_beyond
+from checked_files.errors import HilError
 from checked_files.foreign_text import whole_line
 from checked_files.yaml_file import FileError, parse_yaml, read_text
 from hil.least_squares.uncertainty import TWICE
@@ -30,6 +32,7 @@ from hil.results.model_file import NAME, ModelFile
 from hil.results.quantities import Kind, Quantity, friction_quantities, quantities, reading
 from hil.results.tables.changes import changed_table
 from hil.runs.atomic_file import write_file
+from hil.runs.run import Run
 from hil.show.charts.chart import MEASURED, MUTED, Chart, Line, Panel, Points, chart
 from hil.show.outcome import Outcome, Verdict
 from hil.show.rounding import unit
@@ -136,6 +139,69 @@ def index(
     for digest, own in rows.items():
         write_part(path, digest, name, dict(zip(FIELDS, zip(*own, strict=True), strict=True)))
     return Indexed(len(new) - len(left_out), len(found) - len(new), tuple(left_out))
+
+
+class Identified(NamedTuple):
+    """Result of `identify_runs`: numbers of runs, and the reasons for runs without a model."""
+
+    new: int
+    known: int
+    left_out: tuple[str, ...]
+
+
+def identify_runs(
+    folders: Sequence[Path], execute: Execute[Any, Any], progress: Callable[[str], object]
+) -> Identified:
+    """Identify all runs below some folders, each as by ``hil identify RUN``.
+
+    A run whose model follows from its present recordings and the present program is not
+    identified again, so an interrupted call is resumed by the same call.
+
+    Parameters
+    ----------
+    folders : sequence of Path
+    execute : callable
+        See `hil.execution`.
+    progress : callable
+        Function called with a sentence after every run.
+
+    Raises
+    ------
+    FileError
+        Folders without runs.
+    """
+    runs = sorted({each.parent for folder in folders for each in folder.rglob("run.json")})
+    if not runs:
+        raise FileError(
+            f"{', '.join(map(str, folders))}: no runs below; name folders that contain run folders"
+        )
+    known, left_out = 0, []
+    for n, (run, result) in enumerate(execute(identify_run, runs), start=1):
+        if isinstance(result, HilError):
+            left_out.append(f"{run}: {result}")
+        elif isinstance(result, BrokenExecutor):
+            left_out.append(f"{run}: its process ended early; give the same command again")
+        elif isinstance(result, Exception):
+            raise result
+        else:
+            known += result
+        progress(f"identified {n} of {len(runs)} runs")
+    return Identified(len(runs) - known - len(left_out), known, tuple(sorted(left_out)))
+
+
+def identify_run(path: Path) -> bool:
+    """Identify a run, and write its model; return whether the present model is up to date."""
+    # numerics are loaded by the processes that identify
+    from hil.results.findings import identify_and_keep, kept  # noqa: PLC0415
+    from hil.results.identification import method_for  # noqa: PLC0415
+
+    run = Run.open(path)
+    method, _ = method_for(run)
+    found = kept(run)
+    if found is not None and found.model.method == method and (path / NAME).exists():
+        return True
+    identify_and_keep(run, method).model.save(path / NAME)
+    return False
 
 
 def _models(folder: str) -> Iterator[ModelAddress]:
