@@ -6,6 +6,7 @@ Two-step methods take measurements (`two_step_methods`), the others imported mot
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import TYPE_CHECKING, NamedTuple
 
 from hil.errors import Mismatch, UnknownName
@@ -138,6 +139,16 @@ def estimate(
     """
     refuse_without_effect(method, options)
     return METHODS[method](robot, recorded, options)
+
+
+def restrict(method: str, options: Options) -> Options:
+    """Return options without friction laws and nuisances that have no effect on a method."""
+    friction, nuisance, _ = EFFECTIVE[method]
+    return replace(
+        options,
+        friction=options.friction if options.friction in friction else DEFAULTS.friction,
+        nuisance=tuple(name for name in options.nuisance if name in nuisance),
+    )
 
 
 def refuse_without_effect(method: str, options: Options) -> None:

@@ -15,7 +15,7 @@ from hil.estimation.free_motion.gathering import gather
 from hil.estimation.free_motion.scaling import Scaling
 from hil.estimation.free_motion.variants import DEFAULT, VARIANTS
 from hil.estimation.free_motion_methods import estimate_from
-from hil.estimation.identify import default_method
+from hil.estimation.identify import restrict
 from hil.estimation.loads.evidence import condensed_like, free_motion_evidence, stroke_evidence
 from hil.estimation.loads.fit import fit_load
 from hil.estimation.noise_levels import noise_levels
@@ -31,7 +31,7 @@ from hil.planning.design.candidates import weigh
 from hil.planning.design.load import WithoutLoad
 from hil.planning.measurement import shows_element
 from hil.results.findings import found_in
-from hil.results.identification import identified
+from hil.results.identification import identified, method_for
 from hil.results.provenance import named, same_recordings
 from hil.runs.pooling import Pooled, pooled, recorded, refuse_mixed
 from hil.show.outcome import Outcome
@@ -278,9 +278,11 @@ def estimate_load(bare: BareRun, loaded: Sequence[Run]) -> Load:
 def estimated(*runs: Run, options: Options = DEFAULTS) -> Estimate:
     """Return the estimate of runs, saved or computed as by `hil identify`."""
     first, *others = runs
+    method = method_for(first, others)[0]
     if others or options != DEFAULTS:
-        return identified(first, None, others, options=options).estimate
-    return found_in(first, default_method(first.motions)[0]).estimate
+        # options of a load may concern the runs of the other kind alone
+        return identified(first, method, others, options=restrict(method, options)).estimate
+    return found_in(first, method).estimate
 
 
 def require_load(found: Load, absent: float = 0.01) -> None:
