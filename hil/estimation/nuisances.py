@@ -244,7 +244,10 @@ class Search:
         better = {
             int(name): float(error.sum())
             for name, error in errors.items()
-            if error.sum() < least and _no_worse(self._predict_halves(states[name]), before)
+            # the squares decrease in sum, and grow on no axis beyond `WORST`
+            if error.sum() < least
+            and (squares := self._predict_halves(states[name])).sum() < before.sum()
+            and (squares <= (1.0 + WORST) ** 2 * before).all()
         }
         return min(better, key=lambda axis: better[axis]) if better else None
 
@@ -374,9 +377,3 @@ class Search:
         step = 1e-3 * apart
         slope = (weights(lag + step) - weights(lag - step)) / (2.0 * step)
         return weights(lag), -slope
-
-
-def _no_worse(squares: Array, before: Array) -> bool:
-    """Return True if squares decrease in sum, and grow on no axis beyond `WORST`."""
-    most = (1.0 + WORST) ** 2 * before
-    return bool(squares.sum() < before.sum() and (squares <= most).all())

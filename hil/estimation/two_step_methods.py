@@ -54,7 +54,7 @@ if TYPE_CHECKING:
     from hil.estimation.signals import Prepared, Signals
     from hil.least_squares.regression import Fit
     from hil.model.robot import Robot
-    from hil.planning.measurement import ParameterMotion, RecordedMotion
+    from hil.planning.measurement import ParameterMotion
     from hil.runs.recording import Recorded
 
 TwoStepMethod = Literal["improved", "published"]
@@ -79,7 +79,8 @@ def estimates(
     found: dict[TwoStepMethod, Estimate] = {}
     for method in methods:
         if method == "improved":
-            found[method] = _improved(robot, raw, unusable, options)
+            together = joint(robot, raw, options.nuisance)
+            found[method] = measured(robot, raw, unusable, together, options)[0]
         else:
             found[method] = _published(robot, raw, unusable)
     return found
@@ -91,7 +92,9 @@ def _published(robot: Robot, raw: Prepared, unusable: Sequence[LeftOut]) -> Esti
     condition = conditions(robot, fits, together=False)
     require_all_groups(robot, fits, condition)
     solver = TwoStep(robot, fits)
-    p, changes = _left_out_in_turn(solver)
+    p = solver.solve()
+    # leaving out one measurement at a time
+    changes = np.array([solver.solve(without) for without in range(solver.n_measurements)]) - p
     return estimate_of(
         robot, "published", fits, condition, (*unusable, *streamed, *useless),
         solver.n_measurements, solver.sensitivity(), p,
@@ -135,12 +138,6 @@ def restrict_drive_train(train: DriveTrain, nuisance: Collection[str]) -> DriveT
         # without an estimate, a nuisance has no error in the covariance
         train = replace(train, covariance=np.zeros_like(train.covariance))
     return train
-
-
-def _improved(
-    robot: Robot, raw: Prepared, unusable: Sequence[LeftOut], options: Options
-) -> Estimate:
-    return measured(robot, raw, unusable, joint(robot, raw, options.nuisance), options)[0]
 
 
 def measured(
@@ -221,12 +218,6 @@ def _believed(
     return tuple(values)
 
 
-def _left_out_in_turn(solver: TwoStep) -> tuple[Array, Array]:
-    """Return base parameters, and changes by leaving out one measurement at a time."""
-    p = solver.solve()
-    return p, np.array([solver.solve(without) for without in range(solver.n_measurements)]) - p
-
-
 def doubt(
     robot: Robot, raw: Prepared, drive_train: DriveTrain, solver: SimultaneousFit
 ) -> tuple[Array, Array]:
@@ -293,7 +284,12 @@ def prepare(
     for measurement, recording in recorded:
         if not shows_parameters(measurement):
             continue
-        _refuse_unknown_gains(measurement)
+        if isinstance(measurement, FreeMotion) and measurement.unknown_gains:
+            axes = ", ".join(map(str, measurement.unknown_gains))
+            raise NotIdentifiable(
+                f"{measurement.id}: the gain of axis {axes} is unknown; only methods for free "
+                f"motions find gains: use --method '{DEFAULT}', or state the gain in the map"
+            )
         try:
             found.append((measurement, signals(recording)))
         except NotEnoughData as error:
@@ -317,15 +313,6 @@ def fill_reached_limits(robot: Robot, prepared: Prepared) -> Robot:
     return robot.fill_limits(
         {key: np.maximum(np.max(each, axis=0), least) for key, each in reached.items()}
     )
-
-
-def _refuse_unknown_gains(measurement: RecordedMotion) -> None:
-    if isinstance(measurement, FreeMotion) and measurement.unknown_gains:
-        axes = ", ".join(map(str, measurement.unknown_gains))
-        raise NotIdentifiable(
-            f"{measurement.id}: the gain of axis {axes} is unknown; only methods for free "
-            f"motions find gains: use --method '{DEFAULT}', or state the gain in the map"
-        )
 
 
 def prepared_for(

@@ -44,7 +44,7 @@ from hil.model.dynamics import regressor
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from hil.arrays import Array, Indices, Mask
+    from hil.arrays import Array, Indices
     from hil.estimation.back_and_forth.pairs import Pairs
     from hil.estimation.free_motion.motion import Motion
     from hil.model.robot import Robot
@@ -152,10 +152,16 @@ def halves_of(robot: Robot, motion: FreeMotion, recording: Recording) -> Halves:
         for names in (known(robot), (*base, *CLASSICAL))
     )
     columns = np.hstack([columns, levels])
-    still, fixed = _others_still(filtered, axis)
+    ways = np.ptp(filtered.q, axis=0)
+    # an axis at rest moves by its control deviation. This affects the measured torque, so the
+    # columns of the fit keep the motion; the test of the excitation takes the mean position
+    # instead, or base parameters would appear excited
+    still = ways <= 0.02 * ways[axis]
+    at = np.where(still, filtered.q.mean(axis=0), filtered.q)
+    qd, qdd = (np.where(still, 0.0, x) for x in (filtered.qd, filtered.qdd))
     alone = columns.copy()
-    apart = regressor(robot, fixed.q, fixed.qd, fixed.qdd, joints=[axis])[:, 0]
-    alone[:, 1 : 1 + len(base)] = fixed.passed(apart)[:n]
+    apart = regressor(robot, at, qd, qdd, joints=[axis])[:, 0]
+    alone[:, 1 : 1 + len(base)] = replace(filtered, q=at, qd=qd, qdd=qdd).passed(apart)[:n]
     alone[:, 1 + len(base)] = 0.0
     whole = (classical[filtered.used & (stroke // 2 == k)] for k in np.unique(pairs.pair))
     scale = np.sqrt(pairs.weights)[:, np.newaxis]
@@ -216,18 +222,3 @@ def _levels(u: Array, pairs: Pairs) -> Array:
         steady = make_interp_spline(pairs.turning, np.eye(len(pairs)), k=1)(np.arange(len(u)))
     direction, u = np.sign(u)[:, np.newaxis], u[:, np.newaxis]
     return np.hstack([direction * curve, direction * steady, u * steady])
-
-
-def _others_still(motion: Motion, axis: int) -> tuple[Mask, Motion]:
-    """Find the axes at rest, and replace the motion of axes at rest by the mean position.
-
-    The control deviation of axes at rest affects the measured torque, so the columns of the fit
-    keep this motion. The test of the excitation takes the mean position instead: with the control
-    deviation, base parameters would appear excited.
-    """
-    ways = np.ptp(motion.q, axis=0)
-    # largest motion of an axis at rest, as a share of the moving axis's distance: control deviation
-    still = ways <= 0.02 * ways[axis]
-    mean = np.where(still, motion.q.mean(axis=0), motion.q)
-    qd, qdd = (np.where(still, 0.0, x) for x in (motion.qd, motion.qdd))
-    return still, replace(motion, q=mean, qd=qd, qdd=qdd)

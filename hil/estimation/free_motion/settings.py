@@ -179,7 +179,9 @@ def velocity_sources(stretches: Sequence[Recording], cut_off: float) -> tuple[Ve
         Cut-off frequency of the low-pass of velocities [Hz].
     """
     n = stretches[0].n_joints
-    present = np.all([_recorded(part) for part in stretches], axis=0)
+    present = np.ones(n, dtype=bool)
+    for part in stretches:
+        present &= False if part.qd is None else np.isfinite(part.qd).all(axis=0)
     figures = np.full((len(stretches), 3, n), np.nan)
     for row, part in zip(figures, stretches, strict=True):
         row[:, present] = _figures(part, present, cut_off)
@@ -189,12 +191,6 @@ def velocity_sources(stretches: Sequence[Recording], cut_off: float) -> tuple[Ve
         else VelocitySource(recorded=False, reason="none was recorded")
         for axis in range(n)
     )
-
-
-def _recorded(part: Recording) -> Mask:
-    if part.qd is None:
-        return np.zeros(part.n_joints, dtype=bool)
-    return np.asarray(np.isfinite(part.qd).all(axis=0))
 
 
 def _figures(part: Recording, axes: Mask, cut_off: float) -> Array:

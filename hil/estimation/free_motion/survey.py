@@ -83,15 +83,12 @@ class _Stretches:
             return
         self.kept.append(_middle(recording, self._length))
         while len(self.kept) > 1 and sum(map(_duration, self.kept)) > STRETCHES:
-            self._shorten()
-
-    def _shorten(self) -> None:
-        if self._length > self._least:
-            self._length = max(self._length / 2, self._least)
-            self.kept = [_middle(each, self._length) for each in self.kept]
-        else:
-            self._every *= 2
-            self.kept = self.kept[::2]
+            if self._length > self._least:
+                self._length = max(self._length / 2, self._least)
+                self.kept = [_middle(each, self._length) for each in self.kept]
+            else:
+                self._every *= 2
+                self.kept = self.kept[::2]
 
 
 def survey(
