@@ -266,7 +266,6 @@ def estimate_of(
         degrees_of_freedom=degrees,
         effect=effect,
         stated=robot.stated_uncertainty,
-        usual=robot.usual_uncertainty,
         residual=_residual(robot, local),
         condition=condition,
         local=local,

@@ -288,7 +288,7 @@ def model_of(
     if options.prior is not None and found.prior_share is not None:
         model = replace(model, prior=options.prior.stated(model.names, found.prior_share))
     model = replace(model, band_residual=band_residual(model, recorded))
-    usual = found.effect * found.usual
+    usual = found.effect * run.robot.usual_uncertainty
     return replace(model, verdict=verdict(model, usual, options.accuracy))
 
 
