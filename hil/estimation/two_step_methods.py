@@ -259,6 +259,12 @@ def estimate_of(
 ) -> Estimate:
     """Assemble an estimate."""
     local = tuple(each.evaluate(p) for each in fits)
+    residual = np.full(robot.n_joints, np.nan)
+    for axis in range(robot.n_joints):
+        # of the local models of inertia and coupling
+        squares = [each.residual**2 for each in local if each.axis == axis and each.symbol == "M"]
+        if squares:
+            residual[axis] = np.sqrt(np.mean(squares))
     return Estimate(
         method=method,
         p=p,
@@ -266,7 +272,7 @@ def estimate_of(
         degrees_of_freedom=degrees,
         effect=effect,
         stated=robot.stated_uncertainty,
-        residual=_residual(robot, local),
+        residual=residual,
         condition=condition,
         local=local,
         left_out=left_out,
@@ -336,13 +342,3 @@ def local_fits(robot: Robot, prepared: Prepared) -> tuple[list[LocalFit], list[L
         except NotEnoughData as error:
             left_out.append(LeftOut(measurement.id, str(error)))
     return found, left_out
-
-
-def _residual(robot: Robot, local: Sequence[LocalValue]) -> Array:
-    """Return root mean square residuals of the local inertia and coupling models, by axis."""
-    found = np.full(robot.n_joints, np.nan)
-    for axis in range(robot.n_joints):
-        squares = [f.residual**2 for f in local if f.axis == axis and f.symbol == "M"]
-        if squares:
-            found[axis] = np.sqrt(np.mean(squares))
-    return found

@@ -136,9 +136,13 @@ def halves_of(robot: Robot, motion: FreeMotion, recording: Recording) -> Halves:
         No pair is usable.
     """
     (axis,) = motion.moved
-    processing, reason = _processing(motion, recording)
+    width = bandwidth(recording.q[:, axis], recording.period)
+    cut_off, reason = cut_off_of([width], recording.period, motion.cut_off)
+    none, speed = np.zeros(recording.n_joints), np.ones(recording.n_joints)
+    speed[axis] = max(greatest_speed(recording)[axis], SLOWEST)
+    processing = Processing(cut_off, cut_off, speed, none.astype(bool), none, none)
     # positions and torque are filtered before columns are computed
-    tau = low_passed(recording.tau, recording.period, processing.cut_off)[0]
+    tau = low_passed(recording.tau, recording.period, cut_off)[0]
     filtered = filtered_motion(replace(recording, tau=tau), processing)
     n = len(filtered.tau)
     stroke = recording.stroke[:: filtered.rates.fine * filtered.rates.coarse][:n]
@@ -176,19 +180,9 @@ def halves_of(robot: Robot, motion: FreeMotion, recording: Recording) -> Halves:
         samples=columns[pairs.used].T @ columns[pairs.used],
         whole=np.array([x.T @ x for x in whole]),
         also_moving=tuple(int(j) for j in np.flatnonzero(~still) if j != axis),
-        cut_off=processing.cut_off,
+        cut_off=cut_off,
         cut_off_reason=reason,
     )
-
-
-def _processing(motion: FreeMotion, recording: Recording) -> tuple[Processing, str]:
-    """Choose the settings of a recording, with the reason for the cut-off."""
-    (axis,) = motion.moved
-    width = bandwidth(recording.q[:, axis], recording.period)
-    cut_off, reason = cut_off_of([width], recording.period, motion.cut_off)
-    none, speed = np.zeros(recording.n_joints), np.ones(recording.n_joints)
-    speed[axis] = max(greatest_speed(recording)[axis], SLOWEST)
-    return Processing(cut_off, cut_off, speed, none.astype(bool), none, none), reason
 
 
 def _columns(robot: Robot, motion: Motion, axis: int) -> dict[str, Array]:

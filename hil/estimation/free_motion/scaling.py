@@ -169,7 +169,8 @@ def first_scaling(
     if p is not None:
         return _fit_gains(recorded, unknown, p)
     require_scale(robot, recorded, unknown)
-    usual_gains = _usual_gains(recorded, unknown)
+    axes, usual_gains = list(unknown), np.ones(recorded.n_channels)
+    usual_gains[axes] = np.sqrt(_usual_torque(recorded, unknown) / _mean_squares(recorded)[axes, 0])
     starts = usual_gains, _solve_linear_problem(recorded, unknown, usual_gains)
     found = [_converged(recorded, unknown, gains) for gains in starts]
     # smaller differences are rounding errors, and the first start is used
@@ -244,13 +245,6 @@ def _iterate(
         if np.abs(change).max() < least:
             break
     return scaling
-
-
-def _usual_gains(recorded: Blocks, unknown: tuple[int, ...]) -> Array:
-    """Return gains with torques of usual size, shape (n_joints,)."""
-    axes, gains = list(unknown), np.ones(recorded.n_channels)
-    gains[axes] = np.sqrt(_usual_torque(recorded, unknown) / _mean_squares(recorded)[axes, 0])
-    return gains
 
 
 def _solve_linear_problem(recorded: Blocks, unknown: tuple[int, ...], usual_gains: Array) -> Array:

@@ -209,15 +209,14 @@ def _figures(part: Recording, axes: Mask, cut_off: float) -> Array:
     moves = size > 0
     with np.errstate(divide="ignore", invalid="ignore"):
         different = np.sqrt(np.sum((v - recorded) ** 2, axis=0)) / size
-        lag = np.array([_lag(*each) for each in zip(v.T, a.T, recorded.T, strict=True)])
+        # recorded = scale (v - lag a), by least squares for any scale
+        fits = [
+            np.linalg.lstsq(np.stack([own, rate], axis=1), of, rcond=None)[0]
+            for own, rate, of in zip(v.T, a.T, recorded.T, strict=True)
+        ]
+        lag = np.array([-shift / scale if abs(scale) > SAME else 0.0 for scale, shift in fits])
         noise = np.sqrt(_noise(qd, period, cut_off, 0) / _noise(q, period, cut_off, 1))
     return np.where(moves, np.stack([different, lag, noise]), np.nan)
-
-
-def _lag(v: Array, a: Array, recorded: Array) -> float:
-    """Return the lag of a recorded velocity [s] for any scale; 0 if undetermined."""
-    scale, shift = np.linalg.lstsq(np.stack([v, a], axis=1), recorded, rcond=None)[0]
-    return float(-shift / scale) if abs(scale) > SAME else 0.0
 
 
 def _noise(x: Array, period: float, cut_off: float, derivatives: int) -> Array:
