@@ -14,7 +14,7 @@ from hil.estimation.back_and_forth import NAME as BACK_AND_FORTH
 from hil.estimation.back_and_forth import goes_back_and_forth
 from hil.estimation.free_motion.variants import DEFAULT, VARIANTS
 from hil.estimation.options import COVARIANCES, DEFAULTS, NUISANCES
-from hil.estimation.two_step_methods import TWO_STEP_METHODS, estimates
+from hil.estimation.two_step_methods import fit_improved, fit_published
 from hil.friction.terms import LAWS
 from hil.planning.free_motion import FreeMotion
 
@@ -23,16 +23,11 @@ if TYPE_CHECKING:
 
     from hil.estimation.estimate import Estimate
     from hil.estimation.options import Options
-    from hil.estimation.two_step_methods import TwoStepMethod
     from hil.model.robot import Robot
     from hil.planning.measurement import RecordedMotion
     from hil.runs.recording import Recorded
 
     Identify = Callable[[Robot, Recorded, Options], Estimate]
-
-
-def _two_step(method: TwoStepMethod) -> Identify:
-    return lambda robot, recorded, options: estimates(robot, recorded, (method,), options)[method]
 
 
 def _free_motion(name: str) -> Identify:
@@ -61,7 +56,8 @@ def _back_and_forth(robot: Robot, recorded: Recorded, options: Options) -> Estim
 JOINT = "joint"
 """Name of the method for recordings of several kinds."""
 METHODS: dict[str, Identify] = {
-    **{method: _two_step(method) for method in TWO_STEP_METHODS},
+    "improved": fit_improved,
+    "published": fit_published,
     JOINT: _joint,
     BACK_AND_FORTH: _back_and_forth,
     **{name: _free_motion(name) for name in VARIANTS},

@@ -21,7 +21,7 @@ If the robot file states their uncertainty, it is propagated to the parameters.
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import TYPE_CHECKING, Literal
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -57,17 +57,9 @@ if TYPE_CHECKING:
     from hil.planning.measurement import ParameterMotion
     from hil.runs.recording import Recorded
 
-TwoStepMethod = Literal["improved", "published"]
-TWO_STEP_METHODS: tuple[TwoStepMethod, ...] = ("improved", "published")
 
-
-def estimates(
-    robot: Robot,
-    recorded: Recorded,
-    methods: Sequence[TwoStepMethod] = TWO_STEP_METHODS,
-    options: Options = DEFAULTS,
-) -> dict[TwoStepMethod, Estimate]:
-    """Identify by several two-step methods with common signals.
+def fit_improved(robot: Robot, recorded: Recorded, options: Options = DEFAULTS) -> Estimate:
+    """Identify base parameters of all groups at once, with drive trains compensated.
 
     Raises
     ------
@@ -76,17 +68,19 @@ def estimates(
     """
     raw, unusable = prepare(recorded)
     robot = fill_reached_limits(robot, raw)
-    found: dict[TwoStepMethod, Estimate] = {}
-    for method in methods:
-        if method == "improved":
-            together = joint(robot, raw, options.nuisance)
-            found[method] = measured(robot, raw, unusable, together, options)[0]
-        else:
-            found[method] = _published(robot, raw, unusable)
-    return found
+    return measured(robot, raw, unusable, joint(robot, raw, options.nuisance), options)[0]
 
 
-def _published(robot: Robot, raw: Prepared, unusable: Sequence[LeftOut]) -> Estimate:
+def fit_published(robot: Robot, recorded: Recorded, _options: Options = DEFAULTS) -> Estimate:
+    """Identify base parameters group by group as published; no option has an effect.
+
+    Raises
+    ------
+    NotIdentifiable
+        Base parameters are not excited by the measurements.
+    """
+    raw, unusable = prepare(recorded)
+    robot = fill_reached_limits(robot, raw)
     streamed = [LeftOut(m.id, ELSEWHERE[m.kind]) for m, _ in raw if not shows_element(m)]
     fits, useless = local_fits(robot, raw)
     condition = conditions(robot, fits, together=False)
