@@ -105,19 +105,13 @@ class BareRun:
                 robot, [(m, s) for m, s in prepared if shows_element(m)]
             )
         weight = weigh(information.matrix, information.scatter)
-        return WithoutLoad(robot, run.planned, found.p, self._friction(), noise, weight)
-
-    def _friction(self, unknown_share: float = 0.1) -> Array:
-        """Return the highest friction of each axis, slow or fast, shape (n_joints,) [N m or N].
-
-        An axis without a friction law gets a share of its torque limit.
-        """
-        robot, law = self.run.robot, self.estimate.friction_law
-        unknown: Array = unknown_share * robot.torque_limit
+        # highest friction of each axis, slow or fast; without a law a tenth of the torque limit
         qd = np.outer((0.1, 0.5, 1.0, -0.1, -0.5, -1.0), robot.velocity_limit)
         still = np.zeros_like(qd)
-        highest: Array = np.abs(friction_torque(robot, law, still, qd, still)).max(axis=0)
-        return np.where(highest > 0, highest, unknown)
+        torque = friction_torque(robot, found.friction_law, still, qd, still)
+        highest = np.abs(torque).max(axis=0)
+        friction = np.where(highest > 0, highest, 0.1 * robot.torque_limit)
+        return WithoutLoad(robot, run.planned, found.p, friction, noise, weight)
 
 
 @dataclass(frozen=True, eq=False)
