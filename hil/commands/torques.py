@@ -119,15 +119,10 @@ def packed_recordings(
     """Return recordings in the compressed form of `hil.view.packed`; empty without recordings."""
     if not recordings:
         return ""
-    # the recorded range, more than a point, stands in for unknown joint limits
-    q = np.concatenate([each.recording.q for each in recordings])
-    low, high = np.nanmin(q, axis=0), np.nanmax(q, axis=0) + 1e-6
-    unknown = np.flatnonzero(~np.isfinite(robot.q_max - robot.q_min)).tolist()
-    passed = {j + 1: (float(low[j]), float(high[j])) for j in unknown}
     tracks = concatenate_recordings(robot, recordings, EACH * len(recordings))
     scene = Scene(
         title=robot.name,
-        robot=narrow_ranges(robot, Workspace(ranges=passed)),
+        robot=_limited(robot, recordings),
         segments=tracks.segments,
         planned=tracks.set_point,
         measured=tracks,
@@ -140,3 +135,13 @@ def first_pose(robot: Robot, recording: Recording) -> Array:
     """Return the first configuration of a recording; zeros if unknown."""
     there = recording.q[np.isfinite(recording.q).all(axis=1)]
     return there[0] if len(there) else np.zeros(robot.n_joints)
+
+
+def _limited(robot: Robot, shown: Sequence[Shown]) -> Robot:
+    """Return the robot with the recorded range in place of unknown joint limits."""
+    # a function, so that the positions are freed before the recordings are packed
+    q = np.concatenate([each.recording.q for each in shown])
+    low, high = np.nanmin(q, axis=0), np.nanmax(q, axis=0) + 1e-6  # more than a point
+    unknown = np.flatnonzero(~np.isfinite(robot.q_max - robot.q_min)).tolist()
+    passed = {j + 1: (float(low[j]), float(high[j])) for j in unknown}
+    return narrow_ranges(robot, Workspace(ranges=passed))

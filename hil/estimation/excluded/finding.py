@@ -250,14 +250,8 @@ class Step:
         ]
         (key, test, detail), *others = named
         largest = int(np.argmax(np.abs(test.size)))
-        # change of the base parameters by fitting each cause in addition
-        beside = [
-            self.beside if each == self.key else self.battery.extend(test.columns.tolist())
-            for each, test, _ in named
-        ]
-        change, *other_changes = (
-            tuple((each.solution - self.battery.solution).tolist()) for each in beside
-        )
+        # one battery at a time, since each holds all columns
+        change, *other_changes = (self._change(key, test) for key, test, _ in named)
         return Found(
             cause=name_of(key),
             axes=axes_of(self.robot, key),
@@ -269,6 +263,11 @@ class Step:
             size=float(test.size[largest]),
             error=float(test.error[largest]),
         )
+
+    def _change(self, key: Key, test: Test) -> tuple[float, ...]:
+        """Return the change of the base parameters by fitting a cause in addition."""
+        beside = self.beside if key == self.key else self.battery.extend(test.columns.tolist())
+        return tuple((beside.solution - self.battery.solution).tolist())
 
 
 def _is_gap(robot: Robot, key: Key, axis: int) -> bool:

@@ -229,13 +229,7 @@ def recorded_products(
         pieces.append(own)
         origin += [number] * len(parts)
         if instruments:
-            # products of the two halves of the samples, shape (n_parts, n_joints, m, m)
-            both = (motion.half(half) for half in (1, 2))
-            axes = (every_axis(robot, each, first, motion.tau, terms, soft) for each in both)
-            pairs = zip(*axes, strict=True)
-            crossed.append(
-                np.stack([[Z[part].T @ W[part] for part in parts] for W, Z in pairs], axis=1)
-            )
+            crossed.append(_crossed(robot, motion, parts, first, terms, soft))
     if not pieces:
         raise too_short(longest, spoilt, motion.processing)
     columns = shared, terms
@@ -302,6 +296,22 @@ class Groups:
             self.counts[k] += self.counts[k + 1]
         both = zip(self.products, self.counts, strict=True)
         return tuple(Blocks(shared, own, *each, labels=labels or {}) for each in both)
+
+
+def _crossed(
+    robot: Robot,
+    motion: Motion,
+    parts: Sequence[slice],
+    first: Array,
+    terms: tuple[str, ...],
+    soft: tuple[int, ...],
+) -> Array:
+    """Return products of the two halves of the samples, shape (n_parts, n_joints, m, m)."""
+    # a function, so that the halves are freed before the next motion
+    both = (motion.half(half) for half in (1, 2))
+    axes = (every_axis(robot, each, first, motion.tau, terms, soft) for each in both)
+    found = [[Z[part].T @ W[part] for part in parts] for W, Z in zip(*axes, strict=True)]
+    return np.stack(found, axis=1)
 
 
 def every_axis(
