@@ -20,7 +20,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from figures import Figure, keep
 
-from hil.estimation.two_step_methods import TWO_STEP_METHODS, TwoStepMethod, estimates
+from hil.estimation.identify import estimate
 from hil.ground_truth.comparison import Comparison, comparison
 from hil.ground_truth.true_parameters import true_parameters
 from hil.runs.pooling import recorded
@@ -36,6 +36,7 @@ if TYPE_CHECKING:
 
 ROBOT = "manutec-r15"
 SIDE_BY_SIDE = 2
+METHODS = ("improved", "published")
 TARGETS = {"gravity": 0.03, "diagonal": 0.3, "off_diagonal": 2.0}
 """Bounds of the relative error in the norm of each group, rms over the seeds [%]."""
 TORQUE_TARGET = 0.4
@@ -64,13 +65,13 @@ def measure(seed: int, folder: Path) -> Path:
 
 
 def judge(
-    folder: Run, methods: Sequence[TwoStepMethod], plant: Path | str = ROBOT
-) -> dict[TwoStepMethod, tuple[Estimate, Comparison]]:
+    folder: Run, methods: Sequence[str], plant: Path | str = ROBOT
+) -> dict[str, tuple[Estimate, Comparison]]:
     """Return the estimates of a run by all methods, with their errors."""
-    truth = true_parameters(folder.robot, plant)
+    truth, measured = true_parameters(folder.robot, plant), list(recorded(folder))
+    every = {method: estimate(folder.robot, measured, method) for method in methods}
     return {
-        method: (found, comparison(found, folder.robot, truth))
-        for method, found in estimates(folder.robot, list(recorded(folder)), methods).items()
+        method: (found, comparison(found, folder.robot, truth)) for method, found in every.items()
     }
 
 
@@ -82,7 +83,7 @@ def extent(folder: Run) -> str:
     return f"{counts} measurements in {clock(measured[-1][1].time[-1])} of robot time"
 
 
-def summarise(method: TwoStepMethod, results: list[Comparison]) -> dict[str, Figure]:
+def summarise(method: str, results: list[Comparison]) -> dict[str, Figure]:
     """Print one method's figures over all seeds beside the targets, and return the figures."""
     print(f"\n{method} method, {len(results)} seeds{'':17}reached    target")
     kept = {}
@@ -116,10 +117,10 @@ def main() -> None:
     """Measure, estimate, compare, print."""
     parser = argparse.ArgumentParser(description=(__doc__ or "").split("::")[0])
     parser.add_argument("--seeds", type=int, default=5, help="plants 1 to this")
-    parser.add_argument("--method", choices=TWO_STEP_METHODS, help="one of both [both]")
+    parser.add_argument("--method", choices=METHODS, help="one of both [both]")
     parser.add_argument("--keep", type=Path, help="folder for plan and runs; reused if there")
     given = parser.parse_args()
-    methods: list[TwoStepMethod] = [given.method] if given.method else list(TWO_STEP_METHODS)
+    methods = [given.method] if given.method else list(METHODS)
     with tempfile.TemporaryDirectory() as temporary:
         folder = given.keep or Path(temporary)
         folder.mkdir(parents=True, exist_ok=True)

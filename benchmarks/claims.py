@@ -45,7 +45,6 @@ from figures import Figure, keep
 from rivals.cramer_rao import cramer_rao
 
 from hil.commands.diagnose import diagnose
-from hil.estimation.two_step_methods import TWO_STEP_METHODS
 from hil.ground_truth.true_parameters import true_parameters
 from hil.model.robot import Robot
 from hil.model.robot_file import LINK_PARAMETERS
@@ -230,7 +229,7 @@ def assess(run: Path) -> tuple[dict[str, Comparison], list[str]]:
     """Return the errors of each method, and the named causes of error."""
     folder = Run.open(run)
     strokes = any(shows_element(m) for m in folder.plan.measurements)
-    methods = TWO_STEP_METHODS if strokes else TWO_STEP_METHODS[:1]
+    methods = ("improved", "published") if strokes else ("improved",)
     judged = judge(folder, methods, run.with_suffix(".yaml"))
     budget = error_budget(judged["improved"][0], folder.robot)
     return {method: each for method, (_, each) in judged.items()}, [term.cause for term in budget]

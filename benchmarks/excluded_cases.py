@@ -225,7 +225,7 @@ def judged(run: Run, robot: Robot, recorded: Sequence[Recorded], truth: Array) -
     seconds = time.process_time() - begin
     model = replace(model_of(run, found, proof=proof), robot=robot)
     assert model.verdict is not None
-    usual = found.effect * found.usual
+    usual = found.effect * robot.usual_uncertainty
     stated = uncertainty(model, usual @ usual.T)
     true = comparison(found, robot, truth).torque
     times = 0.0 if stated is None else float(np.nanmax(true / np.maximum(stated, 1e-12)))

@@ -15,18 +15,14 @@ import sys
 import tempfile
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 from accuracy import ROBOT, SIDE_BY_SIDE, hil, judge
 from figures import Figure, keep
 
 from hil.runs.run import Run
 
-if TYPE_CHECKING:
-    from hil.estimation.two_step_methods import TwoStepMethod
-
 EVERY = (2, 3, 5, 8)
-METHOD: TwoStepMethod = "improved"
+METHOD = "improved"
 MOST = 1.2
 """Bound of the torque error of slowly updating drives, relative to drives that update at every SYNC
 of the same period."""

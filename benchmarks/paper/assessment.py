@@ -15,9 +15,10 @@ from scipy import signal
 from hil.commands.diagnose import diagnose
 from hil.commands.friction import fit_friction
 from hil.estimation.friction import symmetry
+from hil.estimation.identify import estimate
 from hil.estimation.signals import CUTOFF, Signals, signals
 from hil.estimation.two_step import TwoStep
-from hil.estimation.two_step_methods import TWO_STEP_METHODS, estimates, local_fits, prepare
+from hil.estimation.two_step_methods import local_fits, prepare
 from hil.ground_truth.comparison import comparison
 from hil.ground_truth.true_parameters import true_parameters
 from hil.model.base_parameters import base_parameters
@@ -42,7 +43,8 @@ def assess_strokes(run: Run, plant: Path, *, both: bool) -> Figures:
     """Return errors of a campaign of strokes; with `both`, also those of the improved method."""
     robot, measured = run.robot, list(recorded(run))
     truth = true_parameters(robot, plant)
-    found = estimates(robot, measured, TWO_STEP_METHODS if both else TWO_STEP_METHODS[1:])
+    methods = ("improved", "published") if both else ("published",)
+    found = {method: estimate(robot, measured, method) for method in methods}
     raw, _ = prepare(measured)
     fits, _ = local_fits(robot, raw)
     p = found["published"].p

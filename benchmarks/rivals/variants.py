@@ -181,7 +181,6 @@ def estimate_of(robot: Robot, data: Stacked, variant: Variant, name: str) -> Est
         degrees_of_freedom=np.full(n, max(found.n_blocks - 1.0, 1.0)),
         effect=np.zeros((n, 2 * robot.n_joints)),
         stated=robot.stated_uncertainty,
-        usual=robot.usual_uncertainty,
         residual=found.residual,
         n_measurements=data.products.n_trajectories,
         condition={"all": found.condition},

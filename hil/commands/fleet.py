@@ -115,7 +115,10 @@ def index(
         A folder without models, or an unwritable index.
     """
     parts = {each.parent for each in path.glob("robot=*/*.parquet")}
-    known = {key for part in parts for key in _known(part)}
+    known = set()
+    for part in parts:
+        with _readable(part):
+            known |= {key for (key,) in _select(part, "DISTINCT key FROM rows").fetchall()}
     named = {each.address: each for folder in folders for each in _models(folder)}
     found = list(named.values())
     new = [each for each in found if each.key not in known]
@@ -335,12 +338,6 @@ def _readable(part: Path) -> Iterator[None]:
         ) from error
 
 
-def _known(part: Path) -> list[str]:
-    """Return the keys of the indexed models of a robot."""
-    with _readable(part):
-        return [key for (key,) in _select(part, "DISTINCT key FROM rows").fetchall()]
-
-
 def read_fleets(path: Path) -> dict[str, Fleet]:
     """Read an index: fleets by the digest of the robot.
 
@@ -413,18 +410,16 @@ def ask(fleets: dict[str, Fleet], rate: float) -> Outcome:
         else f"none of {n} machines deviates significantly"
     )
     word = "changed" if changes else "unchanged"
-    listed = [each._replace(against=_shortened(each)) for each in changes]
+    # address of the earlier run within the folder of its machine
+    listed = [
+        each._replace(against=each.against.rpartition(f"/{each.run}/")[2]) for each in changes
+    ]
     return Outcome(
         (_fleets_table(fleets, tested, rate), changed_table(listed, "Deviations", "machine")),
         verdicts=(Verdict("doubtful" if changes else "good", word, text),),
         plots=tuple(_plots(fleets, tested)),
         title="Fleet",
     )
-
-
-def _shortened(each: Change) -> str:
-    """Return the address of the earlier run within the folder of its machine."""
-    return each.against.rpartition(f"/{each.run}/")[2]
 
 
 def _fleets_table(fleets: dict[str, Fleet], tested: dict[str, Deviations], rate: float) -> Table:
@@ -440,7 +435,8 @@ def _fleets_table(fleets: dict[str, Fleet], tested: dict[str, Deviations], rate:
             (
                 name, str(len(fleet.machines)), str(len(fleet.machine)),
                 str(tested[name].compared), str(len({each.run for each in tested[name].changes})),
-                *(_day(float(end(fleet.time))) for end in (np.min, np.max)),
+                *(datetime.fromtimestamp(float(end(fleet.time)), UTC).date().isoformat()
+                  for end in (np.min, np.max)),
             )
             for name, fleet in fleets.items()
         ),
@@ -449,10 +445,6 @@ def _fleets_table(fleets: dict[str, Fleet], tested: dict[str, Deviations], rate:
         f"the other machines. An unchanged "
         f"machine has at most {rate:g} false alarms in ten years.",
     )  # fmt: skip
-
-
-def _day(time: float) -> str:
-    return datetime.fromtimestamp(time, UTC).date().isoformat()
 
 
 def _plots(fleets: dict[str, Fleet], tested: dict[str, Deviations]) -> Iterator[Plot]:

@@ -41,6 +41,9 @@ OF_MAPS = (
 )
 
 
+WRONG_GAINS = ", or the gains are wrong (find them with --mass and --gains)"
+
+
 def changes(load: LoadFile) -> Table:
     """Return Table 3: base parameters without and with the load, and the expected change.
 
@@ -100,18 +103,12 @@ def goodness_of_fit(load: LoadFile) -> str:
     p = load.p_value
     if not load.degrees_of_freedom:
         return ""
+    wrong = "" if not load.imported or load.gains else WRONG_GAINS
     return (
         f"Fit of a rigid load to the differences: χ² = {load.chi_squared:.1f} with "
         f"{load.degrees_of_freedom} degrees of freedom (p = {p:.2g})"
-        + ("." if p > LOOSE else f": something else changed between the runs{_or_gains(load)}.")
+        + ("." if p > LOOSE else f": something else changed between the runs{wrong}.")
     )
-
-
-def _or_gains(load: LoadFile) -> str:
-    """Name wrong gains of a map as a further cause; empty for runs without unidentified gains."""
-    if not load.imported or load.gains:
-        return ""
-    return ", or the gains are wrong (find them with --mass and --gains)"
 
 
 def not_shown(load: LoadFile) -> str:

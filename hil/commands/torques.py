@@ -139,6 +139,7 @@ def first_pose(robot: Robot, recording: Recording) -> Array:
 
 def _limited(robot: Robot, shown: Sequence[Shown]) -> Robot:
     """Return the robot with the recorded range in place of unknown joint limits."""
+    # a function, so that the positions are freed before the recordings are packed
     q = np.concatenate([each.recording.q for each in shown])
     low, high = np.nanmin(q, axis=0), np.nanmax(q, axis=0) + 1e-6  # more than a point
     unknown = np.flatnonzero(~np.isfinite(robot.q_max - robot.q_min)).tolist()

@@ -81,7 +81,6 @@ def fit_back_and_forth(
         ),
         effect=solution.effect[:n],
         stated=robot.stated_uncertainty,
-        usual=robot.usual_uncertainty,
         residual=np.where(left.torque > 0, left.rms, np.nan),
         condition={"all": fit.condition},
         local=(),

@@ -203,7 +203,14 @@ def quantisation_bias(
     if not stacked:
         return found
     q = np.concatenate([s.q[each.index[::SPARSE]] for s, each in stacked])
-    variance = np.concatenate([_quantisation_variance(robot, s, each) for s, each in stacked])
+    variances = []
+    for s, each in stacked:
+        n = len(each.index[::SPARSE])
+        step = np.broadcast_to(s.resolution, robot.n_joints) ** 2 / 12
+        # of an acceleration; the decimated samples stand for all recorded ones
+        step = step * np.sum(rounding_window(s.period) ** 2)
+        variances.append(np.tile(each.each * len(each.index) / n * step, (n, 1)))
+    variance = np.concatenate(variances)
     still = np.zeros(robot.n_joints)
     rates = [(still, still), *((still, unit) for unit in np.eye(robot.n_joints))]
     weight, *moved = (A[:, 0] for A in regressors(robot, q, rates, [axis]))
@@ -212,14 +219,6 @@ def quantisation_bias(
         torque = inertia @ p + robot.reflected_inertia[axis] * (joint == axis)
         found[:, joint] = -inertia.T @ (variance[:, joint] * torque)
     return found
-
-
-def _quantisation_variance(robot: Robot, s: Signals, stacked: Stacked) -> Array:
-    """Return variances of accelerations of the decimated samples, (n, n_joints)."""
-    n = len(stacked.index[::SPARSE])
-    variance = np.broadcast_to(s.resolution, robot.n_joints) ** 2 / 12
-    variance = variance * np.sum(rounding_window(s.period) ** 2)
-    return np.tile(stacked.each * len(stacked.index) / n * variance, (n, 1))
 
 
 def stack_axes(

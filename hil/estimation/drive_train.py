@@ -195,7 +195,10 @@ def find_drive_train(
         Earlier estimate with the torques transmitted by soft gears.
     """
     loaded = np.zeros(robot.n_joints, dtype=bool) if loaded is None else loaded
-    accelerated = [(m, s) for m, s in prepared if _shows_lag(m)]
+    # a stroke shows the lag if its measured axis accelerates, a trajectory always does
+    accelerated = [
+        (m, s) for m, s in prepared if not shows_element(m) or m.unit_acceleration[m.index]
+    ]
     if start is None or not start.soft.any():
         first = _found(robot, accelerated, loaded, None, calculated=True)
         if not first.soft.any():
@@ -258,13 +261,6 @@ def _found(
     )  # fmt: skip
 
 
-def _shows_lag(measurement: ParameterMotion) -> bool:
-    """Return True if the measured axis accelerates."""
-    if shows_element(measurement):
-        return bool(measurement.unit_acceleration[measurement.index])
-    return True
-
-
 def _stacked(robot: Robot, m: ParameterMotion, s: Signals, shifts: Indices) -> list[list[Stacked]]:
     """Stack torques shifted by whole samples, the motor's part in second place, and all columns."""
     reach = int(np.abs(shifts).max()) + (PASSES - 1) * half_window(s.period)
@@ -317,7 +313,14 @@ def _smooth_load(
         load = _transmitted(robot, p, s)
     for _ in range(PASSES):
         load = s.smoothed(load)
-    friction = _smooth_absolute(s, of_links) if loaded.any() else of_links
+    friction = of_links
+    if loaded.any():
+        # At sign changes, frequent at corners, the absolute value of the smoothed torque dips over
+        # the length of the window, which resembles a lag; that of the unsmoothed torque contains
+        # rectified noise. So only the sign is taken from the smoothed torque.
+        friction = of_links * np.sign(s.smoothed(of_links))
+        for _ in range(PASSES):
+            friction = s.smoothed(friction)
     return (load, *derivatives(load, s.period)), friction
 
 
@@ -342,19 +345,6 @@ def _transmitted(robot: Robot, p: Array, s: Signals, compliance: Array | float =
         if len(forth) and len(back):
             found[:, axis] -= (forth.mean() - back.mean()) / 2 * direction
     return found
-
-
-def _smooth_absolute(s: Signals, load: Array) -> Array:
-    """Return absolute values of the transmitted torque, smoothed.
-
-    At sign changes, frequent at corners, the absolute value of the smoothed torque dips over the
-    length of the window, which resembles a lag. The absolute value of the unsmoothed torque
-    contains rectified noise. So only the sign is taken from the smoothed torque.
-    """
-    friction = load * np.sign(s.smoothed(load))
-    for _ in range(PASSES):
-        friction = s.smoothed(friction)
-    return friction
 
 
 def _solve_excited(equations: Normal) -> tuple[Normal, Array]:

@@ -49,9 +49,8 @@ class Estimate:
     effect : ndarray, shape (n_base, 2 n_joints)
         Change of p per relative change of each torque constant, then of each rotor inertia, whose
         errors are not visible in the data.
-    stated, usual : ndarray, shape (2 n_joints,)
-        Standard deviations of torque constants and rotor inertias, from the robot file, and from
-        usual tolerances for values without one (`Robot.usual_uncertainty`).
+    stated : ndarray, shape (2 n_joints,)
+        Standard deviations of torque constants and rotor inertias, from the robot file.
     residual : ndarray, shape (n_joints,)
         Root mean square of each axis's torque residual, with friction fitted and signals filtered
         as in the method; for the published method that of the local models of inertia and coupling
@@ -98,7 +97,6 @@ class Estimate:
     degrees_of_freedom: Array
     effect: Array
     stated: Array
-    usual: Array
     residual: Array
     condition: dict[str, float]
     local: tuple[LocalValue, ...]

@@ -156,7 +156,6 @@ def estimate_from(
         degrees_of_freedom=fit.degrees_of_freedom[:n],
         effect=gathered.effect,
         stated=robot.stated_uncertainty,
-        usual=robot.usual_uncertainty,
         residual=left.rms,
         condition={"all": plain.condition},
         local=(),

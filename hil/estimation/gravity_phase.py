@@ -91,7 +91,11 @@ def shifted_most(best: Estimate, errors: ModelErrors, torque_limit: Array) -> Ph
     """Find the pair of axes with the largest phase shift; None without a gravity effect."""
     local = [value for value in best.local if value.symbol == "g"]
     largest = [
-        _largest(errors, [v for v in local if v.axis == axis], over)
+        # the measurement with the largest stated sinusoid over the angle, and both sinusoids
+        max(
+            ((v, over, *_sinusoids(errors, v.q, v.axis, over)) for v in local if v.axis == axis),
+            key=lambda each: each[2].amplitude,
+        )
         for axis in {value.axis for value in local}
         for over in range(errors.complete.n_joints)
         if over != axis
@@ -115,14 +119,6 @@ def shifted_most(best: Estimate, errors: ModelErrors, torque_limit: Array) -> Ph
         torque=_brought(errors, own, value.q, over),
         standard_error=np.array([v.standard_error for v in own]),
     )
-
-
-def _largest(
-    errors: ModelErrors, values: list[LocalValue], over: int
-) -> tuple[LocalValue, int, Sinusoid, Sinusoid]:
-    """Return the measurement with the largest stated sinusoid over an angle, and both sinusoids."""
-    shown = [(value, over, *_sinusoids(errors, value.q, value.axis, over)) for value in values]
-    return max(shown, key=lambda each: each[2].amplitude)
 
 
 def _sinusoids(errors: ModelErrors, q: Array, axis: int, over: int) -> tuple[Sinusoid, Sinusoid]:

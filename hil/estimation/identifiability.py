@@ -41,18 +41,15 @@ def conditions(
         if not (columns and len(rows)):
             continue
         hidden = together and base.dependencies.hidden[columns].any()
-        N, size = _combine_kinds(robot, fits, columns) if hidden else (rows.T @ rows, None)
+        N, size = rows.T @ rows, None
+        if hidden:
+            # gravity elements of an axis are one kind, elements of M(q) the other
+            axes = [f.axis if ELEMENT_KINDS[f.kind].symbol == "g" else -1 for f in fits]
+            every = np.array([f.row / robot.torque_limit[f.axis] for f in fits])
+            N, size = eliminate_others(every, np.array(axes), columns)
         lost = undetermined(N, IDENTIFIABLE, size).any()
         condition[group] = np.inf if lost else float(np.sqrt(np.linalg.cond(N)))
     return condition
-
-
-def _combine_kinds(
-    robot: Robot, fits: Sequence[LocalFit], columns: Sequence[int]
-) -> tuple[Array, Array]:
-    axes = np.array([f.axis if ELEMENT_KINDS[f.kind].symbol == "g" else -1 for f in fits])
-    rows = np.array([f.row / robot.torque_limit[f.axis] for f in fits])
-    return eliminate_others(rows, axes, columns)
 
 
 def _rows(robot: Robot, fits: Sequence[LocalFit], group: str) -> Array:

@@ -6,6 +6,7 @@ Two-step methods take measurements (`two_step_methods`), the others imported mot
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import TYPE_CHECKING, NamedTuple
 
 from hil.errors import Mismatch, UnknownName
@@ -13,7 +14,7 @@ from hil.estimation.back_and_forth import NAME as BACK_AND_FORTH
 from hil.estimation.back_and_forth import goes_back_and_forth
 from hil.estimation.free_motion.variants import DEFAULT, VARIANTS
 from hil.estimation.options import COVARIANCES, DEFAULTS, NUISANCES
-from hil.estimation.two_step_methods import TWO_STEP_METHODS, estimates
+from hil.estimation.two_step_methods import fit_improved, fit_published
 from hil.friction.terms import LAWS
 from hil.planning.free_motion import FreeMotion
 
@@ -22,16 +23,11 @@ if TYPE_CHECKING:
 
     from hil.estimation.estimate import Estimate
     from hil.estimation.options import Options
-    from hil.estimation.two_step_methods import TwoStepMethod
     from hil.model.robot import Robot
     from hil.planning.measurement import RecordedMotion
     from hil.runs.recording import Recorded
 
     Identify = Callable[[Robot, Recorded, Options], Estimate]
-
-
-def _two_step(method: TwoStepMethod) -> Identify:
-    return lambda robot, recorded, options: estimates(robot, recorded, (method,), options)[method]
 
 
 def _free_motion(name: str) -> Identify:
@@ -60,7 +56,8 @@ def _back_and_forth(robot: Robot, recorded: Recorded, options: Options) -> Estim
 JOINT = "joint"
 """Name of the method for recordings of several kinds."""
 METHODS: dict[str, Identify] = {
-    **{method: _two_step(method) for method in TWO_STEP_METHODS},
+    "improved": fit_improved,
+    "published": fit_published,
     JOINT: _joint,
     BACK_AND_FORTH: _back_and_forth,
     **{name: _free_motion(name) for name in VARIANTS},
@@ -138,6 +135,16 @@ def estimate(
     """
     refuse_without_effect(method, options)
     return METHODS[method](robot, recorded, options)
+
+
+def restrict(method: str, options: Options) -> Options:
+    """Return options without friction laws and nuisances that have no effect on a method."""
+    friction, nuisance, _ = EFFECTIVE[method]
+    return replace(
+        options,
+        friction=options.friction if options.friction in friction else DEFAULTS.friction,
+        nuisance=tuple(name for name in options.nuisance if name in nuisance),
+    )
 
 
 def refuse_without_effect(method: str, options: Options) -> None:

@@ -182,7 +182,8 @@ def _mass_element(
         Available samples.
     """
     signals = _filtered(robot, s, element[0], columns, element[1])
-    used = used & _away_from_reversals(robot, s, element[0], signals.v)
+    # away from reversals by the reach of the filter
+    used = used & s.away_from(np.abs(signals.v) < SLOW * robot.velocity_limit[element[0]])
     W, C, n = signals.columns[used], signals.sides[used], 2 + len(base_parameters(robot))
     if len(W) < FEWEST * W.shape[1]:
         raise NotEnoughData(
@@ -268,11 +269,6 @@ def _static_rows(robot: Robot, s: Signals, axis: int, *accelerated: int) -> tupl
         return rows[0][:, list(base_parameters(robot).groups[GRAVITY])], rows[-1] - rows[0]
 
     return s.once((_static_rows, robot, axis), compute_rows)
-
-
-def _away_from_reversals(robot: Robot, s: Signals, axis: int, v: Array) -> NDArray[np.bool_]:
-    """Return the moving samples of an axis beyond the reach of the filter from reversals."""
-    return s.away_from(np.abs(v) < SLOW * robot.velocity_limit[axis])
 
 
 def _window(m: Gravity, s: Signals, v: Array, stroke: int) -> NDArray[np.bool_]:

@@ -79,7 +79,11 @@ class _Sums(NamedTuple):
 
 def noise_levels(robot: Robot, prepared: Prepared) -> Levels:
     """Estimate the noise of every axis from prepared measurements."""
-    used = [(m, s) for m, s in prepared if _is_used(robot, m, s)]
+    used = [
+        (m, s)
+        for m, s in prepared
+        if any(s.usable(robot, axis).sum() >= FEWEST for axis in m.moved)
+    ]
     joint = SimultaneousFit(robot, used)
     pieces = list(_pieces(robot, used, joint))
     expected = stated_noise(robot)
@@ -92,12 +96,6 @@ def noise_levels(robot: Robot, prepared: Prepared) -> Levels:
     noise = Noise(np.sqrt(a), np.sqrt(MINUTE * b), "noise as in an earlier run")
     measured = (replace(each.foreseen, information=each.N) for each in pieces)
     return Levels(noise, add_up(robot, measured, noise), joint.solve())
-
-
-def _is_used(robot: Robot, measurement: ElementMeasurement, s: Signals) -> bool:
-    """Return True if the estimator uses `measurement`."""
-    used = (s.usable(robot, axis) for axis in measurement.moved)
-    return any(each.sum() >= FEWEST for each in used)
 
 
 def _pieces(robot: Robot, used: Prepared, joint: SimultaneousFit) -> Iterator[_Piece]:

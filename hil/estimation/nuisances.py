@@ -237,14 +237,23 @@ class Search:
     def _best(self, state: State, others: Mapping[int, State]) -> int | None:
         """Return the axis with the best certain improvement of held-out predictions, if any."""
         states = {"none": state} | {str(axis): each for axis, each in others.items()}
-        errors = {name: self._held_out(each) for name, each in states.items()}
+        errors = {}
+        for name, each in states.items():
+            # lags are fitted to the remaining blocks
+            found = self.regression(each)
+            system = found.blocks.normal(self.weights)
+            heard = np.einsum("bkk->k", system.N)[found.kept] > 0
+            errors[name] = HeldOut(system, system).error(found.kept[heard])
         if simplest(errors, self._blocks.n_channels) == "none":
             return None
         before, least = self._predict_halves(state), float(errors["none"].sum())
         better = {
             int(name): float(error.sum())
             for name, error in errors.items()
-            if error.sum() < least and _no_worse(self._predict_halves(states[name]), before)
+            # the squares decrease in sum, and grow on no axis beyond `WORST`
+            if error.sum() < least
+            and (squares := self._predict_halves(states[name])).sum() < before.sum()
+            and (squares <= (1.0 + WORST) ** 2 * before).all()
         }
         return min(better, key=lambda axis: better[axis]) if better else None
 
@@ -293,13 +302,6 @@ class Search:
         if terms:
             found = replace(found, kept=self._kept(found.layout, state, terms))
         return np.asarray(found.blocks.squares_left(found.solution)[0])
-
-    def _held_out(self, state: State) -> Array:
-        """Return squared errors on held-out blocks, with lags fitted to the remaining blocks."""
-        found = self.regression(state)
-        system = found.blocks.normal(self.weights)
-        heard = np.einsum("bkk->k", system.N)[found.kept] > 0
-        return HeldOut(system, system).error(found.kept[heard])
 
     def _predict_halves(self, state: State) -> Array:
         """Return weighted squared errors of mutual predictions of the halves, by axis."""
@@ -374,9 +376,3 @@ class Search:
         step = 1e-3 * apart
         slope = (weights(lag + step) - weights(lag - step)) / (2.0 * step)
         return weights(lag), -slope
-
-
-def _no_worse(squares: Array, before: Array) -> bool:
-    """Return True if squares decrease in sum, and grow on no axis beyond `WORST`."""
-    most = (1.0 + WORST) ** 2 * before
-    return bool(squares.sum() < before.sum() and (squares <= most).all())

@@ -74,9 +74,14 @@ class SimultaneousFit:
             (s, [each.loaded(each.load(p)) for each in axes]) for s, axes in self.stacked
         ]
         self._take(~none)
-        self.load_friction = self._load_friction()
+        # errors from the scores of the measurements
+        fit = self.regression.fit("clusters")
+        places = [place(robot, axis)[self._n_base + LOAD] for axis in range(robot.n_joints)]
+        error = np.sqrt(np.diag(fit.covariance)[places].clip(0.0))
+        shown = error > 0
+        mu, error = (np.where(shown, each, np.nan) for each in (fit.x[places], error))
+        self.load_friction = LoadFriction(mu, error)
         """Mu of every axis with standard error, from a fit with load friction on all axes."""
-        mu, error = self.load_friction
         self._keep(np.nan_to_num(mu / error) > SIGNIFICANT)
         while self.loaded.any() and self.undetermined().any():
             # with a constant load on an axis, load friction resembles gravity
@@ -197,14 +202,6 @@ class SimultaneousFit:
             )
         effect = solved(self.information, sides)[: self._n_base]
         return effect.sum(axis=1) / 2, effect @ effect.T / 12
-
-    def _load_friction(self) -> LoadFriction:
-        """Return mu of every axis with standard errors from the measurements' scores."""
-        fit = self.regression.fit("clusters")
-        places = [place(self._robot, axis)[self._n_base + LOAD] for axis in range(self._n_joints)]
-        error = np.sqrt(np.diag(fit.covariance)[places].clip(0.0))
-        shown = error > 0
-        return LoadFriction(np.where(shown, fit.x[places], np.nan), np.where(shown, error, np.nan))
 
     def sensitivity(self) -> Array:
         """Return the change of p per relative change of torque constants, then rotor inertias."""

@@ -21,7 +21,7 @@ If the robot file states their uncertainty, it is propagated to the parameters.
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import TYPE_CHECKING, Literal
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -54,20 +54,12 @@ if TYPE_CHECKING:
     from hil.estimation.signals import Prepared, Signals
     from hil.least_squares.regression import Fit
     from hil.model.robot import Robot
-    from hil.planning.measurement import ParameterMotion, RecordedMotion
+    from hil.planning.measurement import ParameterMotion
     from hil.runs.recording import Recorded
 
-TwoStepMethod = Literal["improved", "published"]
-TWO_STEP_METHODS: tuple[TwoStepMethod, ...] = ("improved", "published")
 
-
-def estimates(
-    robot: Robot,
-    recorded: Recorded,
-    methods: Sequence[TwoStepMethod] = TWO_STEP_METHODS,
-    options: Options = DEFAULTS,
-) -> dict[TwoStepMethod, Estimate]:
-    """Identify by several two-step methods with common signals.
+def fit_improved(robot: Robot, recorded: Recorded, options: Options = DEFAULTS) -> Estimate:
+    """Identify base parameters of all groups at once, with drive trains compensated.
 
     Raises
     ------
@@ -76,22 +68,27 @@ def estimates(
     """
     raw, unusable = prepare(recorded)
     robot = fill_reached_limits(robot, raw)
-    found: dict[TwoStepMethod, Estimate] = {}
-    for method in methods:
-        if method == "improved":
-            found[method] = _improved(robot, raw, unusable, options)
-        else:
-            found[method] = _published(robot, raw, unusable)
-    return found
+    return measured(robot, raw, unusable, joint(robot, raw, options.nuisance), options)[0]
 
 
-def _published(robot: Robot, raw: Prepared, unusable: Sequence[LeftOut]) -> Estimate:
+def fit_published(robot: Robot, recorded: Recorded, _options: Options = DEFAULTS) -> Estimate:
+    """Identify base parameters group by group as published; no option has an effect.
+
+    Raises
+    ------
+    NotIdentifiable
+        Base parameters are not excited by the measurements.
+    """
+    raw, unusable = prepare(recorded)
+    robot = fill_reached_limits(robot, raw)
     streamed = [LeftOut(m.id, ELSEWHERE[m.kind]) for m, _ in raw if not shows_element(m)]
     fits, useless = local_fits(robot, raw)
     condition = conditions(robot, fits, together=False)
     require_all_groups(robot, fits, condition)
     solver = TwoStep(robot, fits)
-    p, changes = _left_out_in_turn(solver)
+    p = solver.solve()
+    # leaving out one measurement at a time
+    changes = np.array([solver.solve(without) for without in range(solver.n_measurements)]) - p
     return estimate_of(
         robot, "published", fits, condition, (*unusable, *streamed, *useless),
         solver.n_measurements, solver.sensitivity(), p,
@@ -135,12 +132,6 @@ def restrict_drive_train(train: DriveTrain, nuisance: Collection[str]) -> DriveT
         # without an estimate, a nuisance has no error in the covariance
         train = replace(train, covariance=np.zeros_like(train.covariance))
     return train
-
-
-def _improved(
-    robot: Robot, raw: Prepared, unusable: Sequence[LeftOut], options: Options
-) -> Estimate:
-    return measured(robot, raw, unusable, joint(robot, raw, options.nuisance), options)[0]
 
 
 def measured(
@@ -221,12 +212,6 @@ def _believed(
     return tuple(values)
 
 
-def _left_out_in_turn(solver: TwoStep) -> tuple[Array, Array]:
-    """Return base parameters, and changes by leaving out one measurement at a time."""
-    p = solver.solve()
-    return p, np.array([solver.solve(without) for without in range(solver.n_measurements)]) - p
-
-
 def doubt(
     robot: Robot, raw: Prepared, drive_train: DriveTrain, solver: SimultaneousFit
 ) -> tuple[Array, Array]:
@@ -268,6 +253,12 @@ def estimate_of(
 ) -> Estimate:
     """Assemble an estimate."""
     local = tuple(each.evaluate(p) for each in fits)
+    residual = np.full(robot.n_joints, np.nan)
+    for axis in range(robot.n_joints):
+        # of the local models of inertia and coupling
+        squares = [each.residual**2 for each in local if each.axis == axis and each.symbol == "M"]
+        if squares:
+            residual[axis] = np.sqrt(np.mean(squares))
     return Estimate(
         method=method,
         p=p,
@@ -275,8 +266,7 @@ def estimate_of(
         degrees_of_freedom=degrees,
         effect=effect,
         stated=robot.stated_uncertainty,
-        usual=robot.usual_uncertainty,
-        residual=_residual(robot, local),
+        residual=residual,
         condition=condition,
         local=local,
         left_out=left_out,
@@ -293,7 +283,12 @@ def prepare(
     for measurement, recording in recorded:
         if not shows_parameters(measurement):
             continue
-        _refuse_unknown_gains(measurement)
+        if isinstance(measurement, FreeMotion) and measurement.unknown_gains:
+            axes = ", ".join(map(str, measurement.unknown_gains))
+            raise NotIdentifiable(
+                f"{measurement.id}: the gain of axis {axes} is unknown; only methods for free "
+                f"motions find gains: use --method '{DEFAULT}', or state the gain in the map"
+            )
         try:
             found.append((measurement, signals(recording)))
         except NotEnoughData as error:
@@ -319,15 +314,6 @@ def fill_reached_limits(robot: Robot, prepared: Prepared) -> Robot:
     )
 
 
-def _refuse_unknown_gains(measurement: RecordedMotion) -> None:
-    if isinstance(measurement, FreeMotion) and measurement.unknown_gains:
-        axes = ", ".join(map(str, measurement.unknown_gains))
-        raise NotIdentifiable(
-            f"{measurement.id}: the gain of axis {axes} is unknown; only methods for free "
-            f"motions find gains: use --method '{DEFAULT}', or state the gain in the map"
-        )
-
-
 def prepared_for(
     robot: Robot, found: Estimate, recorded: Recorded
 ) -> list[tuple[ParameterMotion, Signals]]:
@@ -350,13 +336,3 @@ def local_fits(robot: Robot, prepared: Prepared) -> tuple[list[LocalFit], list[L
         except NotEnoughData as error:
             left_out.append(LeftOut(measurement.id, str(error)))
     return found, left_out
-
-
-def _residual(robot: Robot, local: Sequence[LocalValue]) -> Array:
-    """Return root mean square residuals of the local inertia and coupling models, by axis."""
-    found = np.full(robot.n_joints, np.nan)
-    for axis in range(robot.n_joints):
-        squares = [f.residual**2 for f in local if f.axis == axis and f.symbol == "M"]
-        if squares:
-            found[axis] = np.sqrt(np.mean(squares))
-    return found

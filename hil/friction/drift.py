@@ -139,7 +139,10 @@ def drift(axis: int, levels: Sequence[Level], past: History) -> Drift | None:
     a = fitted(X, log_levels)
     jacobian = np.column_stack([X, *(column @ a[-2:] for column in course.changes(taus))])
     variance = float(residual @ residual) / (len(residual) - jacobian.shape[1])
-    covariance = classical(jacobian, variance * _variance_factor(residual))
+    # factor of variances by the first-order autocorrelation of the residuals
+    rho = float(residual[1:] @ residual[:-1] / (residual @ residual)) if residual.any() else 0.0
+    rho = min(max(rho, 0.0), 0.95)
+    covariance = classical(jacobian, variance * ((1.0 + rho) / (1.0 - rho)))
     error = np.sqrt(np.diag(covariance))
     seen = UNCERTAIN * np.abs(a[-2:]) > error[len(a) - 2 : len(a)]
     at_bound = np.minimum(taus - low, high - taus) < 1e-3
@@ -211,10 +214,3 @@ def _constant(name: str, tau: float, error: float, seen: bool, at_bound: bool) -
         by = f"uncertain by {100 * error:.0f} %" if np.isfinite(error) else "not excited"
         word = f"{by}; measure longer, or with more stops"
     return TimeConstant(name, value, value * float(error), word)
-
-
-def _variance_factor(left: Array) -> float:
-    """Return the factor of variances by the first-order autocorrelation of the residuals."""
-    rho = float(left[1:] @ left[:-1] / (left @ left)) if left.any() else 0.0
-    rho = min(max(rho, 0.0), 0.95)
-    return (1.0 + rho) / (1.0 - rho)

@@ -60,21 +60,14 @@ def ripple_left_out(robot: Robot) -> str:
     found = orders_left_out(robot)
     if not found:
         return ""
-    axes = "; ".join(
-        f"axis {axis + 1}, gear ratio {_stated(robot.gear_ratio[axis])}: {_listed(orders)}"
-        for axis, orders in found.items()
-    )
+    said = []
+    for axis, (first, *more) in found.items():
+        ratio = robot.gear_ratio[axis]
+        stated = f"{ratio:g}" if math.isfinite(ratio) else "unknown"
+        orders = f"{first} to {more[-1]}" if more else str(first)
+        said.append(f"axis {axis + 1}, gear ratio {stated}: {orders}")
     return (
-        f"torque ripple is not fitted at these multiples of the motor's angle: {axes}. They "
-        "cannot be distinguished from gravity, inertia or each other; such ripple becomes part "
-        "of the base parameters"
+        "torque ripple is not fitted at these multiples of the motor's angle: "
+        f"{'; '.join(said)}. They cannot be distinguished from gravity, inertia or each other; "
+        "such ripple becomes part of the base parameters"
     )
-
-
-def _stated(ratio: float) -> str:
-    return f"{ratio:g}" if math.isfinite(ratio) else "unknown"
-
-
-def _listed(orders: tuple[int, ...]) -> str:
-    """Write successive orders as a range."""
-    return str(orders[0]) if len(orders) == 1 else f"{orders[0]} to {orders[-1]}"

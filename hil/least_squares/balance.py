@@ -33,7 +33,7 @@ from hil.least_squares.solving import inverse, solve_each, solved
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from hil.arrays import Array, Indices
+    from hil.arrays import Array
     from hil.least_squares.blocks import Blocks
 
 
@@ -96,7 +96,10 @@ def balance(kinds: Sequence[Kind], shared: Sequence[str]) -> Balanced:
     parts = [kind.regression for kind in kinds]
     first, *others = (part.blocks for part in parts)
     blocks = first.joined(*others)
-    kept = [_places(part.blocks, part.kept, blocks) for part in parts]
+    # indices of the kept unknowns of each kind among those of all kinds
+    order = {name: k for k, name in enumerate(blocks.layout.names)}
+    named = [(part.layout.names, part.kept) for part in parts]
+    kept = [np.array([order[names[k]] for k in own], dtype=np.intp) for names, own in named]
     found = Regression.weighed(blocks, np.unique(np.concatenate(kept)))
     weights = np.split(found.weights, np.cumsum([part.blocks.n_channels for part in parts])[:-1])
     weighed = [replace(part, weights=own) for part, own in zip(parts, weights, strict=True)]
@@ -114,12 +117,6 @@ def balance(kinds: Sequence[Kind], shared: Sequence[str]) -> Balanced:
     return Balanced(Kind(whole, joined, shares.extra_covariance(c), reduce(np.add, effects)), own)
 
 
-def _places(of: Blocks, kept: Indices, among: Blocks) -> Indices:
-    """Return indices of kept unknowns from `of` in the larger set of unknowns `among`."""
-    names, order = of.layout.names, {name: k for k, name in enumerate(among.layout.names)}
-    return np.array([order[names[k]] for k in kept], dtype=np.intp)
-
-
 class Shares:
     """Information of kinds of recordings about shared unknowns.
 
@@ -132,10 +129,10 @@ class Shares:
     """
 
     def __init__(self, kinds: Sequence[Kind], shared: Sequence[str]) -> None:
-        self._groups = [
-            [_shares(part, shared) for part in (kind.regression, *_cell_regressions(kind))]
-            for kind in kinds
-        ]
+        self._groups = [[_shares(kind.regression, shared)] for kind in kinds]
+        for own, kind in zip(self._groups, kinds, strict=True):
+            if kind.cells is not None:
+                own.append(_shares(kind.regression.transfer(kind.cells), shared))
         self._whole = [own[0].S.sum(axis=0) for own in self._groups]
         self._vectors = [own[0].s.sum(axis=0) for own in self._groups]
         self._beside = [kind.beside for kind in kinds]
@@ -174,8 +171,12 @@ class Shares:
         N = self._information(c)
         x, total = solved(N, np.tensordot(c, self._vectors, 1)), self.extra_covariance(c)
         for ck, own in zip(c, self._groups, strict=True):
-            of_groups = [_jackknife(N, x, each.times(ck)) for each in own]
-            total += max(of_groups, key=lambda V: float(np.sum(self._Q * V)))
+            found = []
+            for groups in (each.times(ck) for each in own):
+                # leave out one group at a time
+                d = solve_each(N - groups.S, groups.s - groups.S @ x)
+                found.append((len(d) - 1) / len(d) * d.T @ d)
+            total += max(found, key=lambda V: float(np.sum(self._Q * V)))
         return float(np.sum(self._Q * total))
 
 
@@ -188,17 +189,6 @@ def propagate(parts: Sequence[Array], covariances: Sequence[Array]) -> Array:
 
 def _factors(logarithms: Array) -> Array:
     found: Array = np.exp(np.append(logarithms, 0.0))
-    return found
-
-
-def _cell_regressions(kind: Kind) -> tuple[Regression, ...]:
-    return () if kind.cells is None else (kind.regression.transfer(kind.cells),)
-
-
-def _jackknife(N: Array, x: Array, groups: _Equations) -> Array:
-    """Compute the leave-one-group-out covariance."""
-    d = solve_each(N - groups.S, groups.s - groups.S @ x)
-    found: Array = (len(d) - 1) / len(d) * d.T @ d
     return found
 
 

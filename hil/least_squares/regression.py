@@ -32,7 +32,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
-from typing import TYPE_CHECKING, Literal, NamedTuple
+from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 from scipy import special
@@ -42,6 +42,7 @@ from hil.least_squares.layout import embedded
 from hil.least_squares.normal_equations import reweighted
 from hil.least_squares.solving import condition, inverse, solved
 from hil.least_squares.uncertainty import (
+    Solved,
     bias_reduced,
     degrees_if_white,
     jackknife,
@@ -61,17 +62,6 @@ Solver = Callable[["Normal"], "tuple[Normal, Array]"]
 Covariance = Literal["jackknife", "clusters", "CR2", "white"]
 ROUNDS = 20
 """Maximum number of reweighting iterations; normally the loop converges earlier."""
-
-
-class Uncertainty(NamedTuple):
-    """Covariance of the kept unknowns (k, k), degrees of freedom (k,), and the cells' part.
-
-    The cells' part is the scatter over cells, 0 without cells.
-    """
-
-    covariance: Array
-    degrees_of_freedom: Array
-    of_cells: Array
 
 
 def least_squares(equations: Normal) -> tuple[Normal, Array]:
@@ -181,8 +171,8 @@ class Regression:
         covariance: Covariance = "jackknife",
         cells: Blocks | None = None,
         most: int | None = None,
-    ) -> Uncertainty:
-        """Compute covariance and degrees of freedom of the kept unknowns.
+    ) -> Solved:
+        """Compute the kept unknowns, with covariance and degrees of freedom.
 
         Parameters
         ----------
@@ -208,11 +198,10 @@ class Regression:
             freedom = self.blocks.counts.sum() - len(self.kept)
             degrees = np.full(len(x), max(float(freedom), 1.0))
         if cells is None or covariance == "white":
-            return Uncertainty(found, degrees, np.zeros_like(found))
+            return Solved(x, found, degrees)
         other = cells.normal(self.weights).only(self.kept)
         influence = (other.scores(x) @ inverted)[other.square > 0]
-        of_cells = scatter(influence, few=True)
-        return Uncertainty(found + of_cells, degrees, of_cells)
+        return Solved(x, found + scatter(influence, few=True), degrees)
 
     def fit(
         self,
@@ -228,7 +217,6 @@ class Regression:
             x=self.solution,
             covariance=embedded(error.covariance, self.kept, n),
             degrees_of_freedom=embedded(error.degrees_of_freedom, self.kept, n),
-            residual=np.sqrt(self.blocks.mean_squares(self.solution)),
             condition=condition(self.normal.information),
         )
 
@@ -303,8 +291,6 @@ class Fit(ByName):
     x : ndarray, shape (n,)
     covariance : ndarray, shape (n, n)
     degrees_of_freedom : ndarray, shape (n,)
-    residual : ndarray, shape (n_channels,)
-        Root mean square residual of each channel.
     condition : float
         Condition number of the weighted columns at unit length.
     """
@@ -314,7 +300,6 @@ class Fit(ByName):
     x: Array
     covariance: Array
     degrees_of_freedom: Array
-    residual: Array
     condition: float
 
     @cached_property

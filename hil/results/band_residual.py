@@ -132,7 +132,10 @@ def _motions(
         every = max(1, int(1.0 / (FINE * BAND * period)))
         filtered = low_passed(tau, period, BAND, every)[0]
         motions = [low_passed(q, period, k * BAND, every, derivatives=2) for k in (1.0, 2.0)]
-        narrow, wide = (_predicted(model, motion)[:, axes] for motion in motions)
+        with warnings.catch_warnings():
+            # axes without known friction are not used
+            warnings.simplefilter("ignore", FrictionUnknown)
+            narrow, wide = (model.predict(*motion)[:, axes] for motion in motions)
         smoothed = low_passed(wide, every * period, BAND)[0]
         counts = np.zeros(filtered.shape, dtype=bool)
         edge = round(EDGE / (every * period))
@@ -145,12 +148,6 @@ def _motions(
         limit = model.robot.velocity_limit[axes]
         rests = _resting(motions[0][1][:, axes], limit, every * period)
         yield _Samples(filtered, tau[::every], narrow, smoothed, counts, rests)
-
-
-def _predicted(model: Model, motion: tuple[Array, ...]) -> Array:
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore", FrictionUnknown)  # axes without known friction are not used
-        return np.asarray(model.predict(*motion))
 
 
 def _resting(qd: Array, limit: Array, period: float) -> Mask:

@@ -126,10 +126,11 @@ class Change(NamedTuple):
         size = rounded(self.size, self.half_width)
         half = rounded(self.half_width, self.half_width)
         share = f" ({signed(significant(100 * self.relative, 2))} %)" if self.relative else ""
+        p = "< 0.0001" if self.adjusted < 1e-4 else f"= {self.adjusted:.2g}"
         return (
             f"{self.run}: {self.quantity.title} changed by {size} ± {half} "
             f"{unit(self.quantity.unit)}{share} since {self.against}, p "
-            f"{_stated(self.adjusted)}; possible cause: {self.meaning}"
+            f"{p}; possible cause: {self.meaning}"
         )
 
 
@@ -201,10 +202,6 @@ def adjust_temperature(level: Reading, common: float) -> Reading:
     """Scale a level of friction by the common change."""
     allowance = level.allowance + UNLIKE * abs(common * level.value)
     return level._replace(value=level.value * (1.0 + common), allowance=allowance)
-
-
-def _stated(p: float) -> str:
-    return "< 0.0001" if p < 1e-4 else f"= {p:.2g}"
 
 
 def p_values(size: ArrayLike, allowance: ArrayLike, error: ArrayLike, degrees: ArrayLike) -> Array:

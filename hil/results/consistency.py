@@ -29,9 +29,8 @@ if TYPE_CHECKING:
     from hil.estimation.consistent.conditions import BodyBounds
     from hil.estimation.consistent.result import ConsistentRobot, LinkBody
     from hil.model.robot import Robot
-    from hil.planning.measurement import RecordedMotion
     from hil.results.model import Model
-    from hil.runs.recording import Recorded, Recording
+    from hil.runs.recording import Recorded
     from hil.show.table import Row
 
 
@@ -91,21 +90,17 @@ def _motions(
     """Yield motions of recordings, thinned to about `most` samples, enough for an rms."""
     for motion, recording in recorded:
         try:
-            q, qd, qdd = _state(model, motion, recording)
+            if isinstance(motion, FreeMotion):
+                filtered = filtered_motion(recording, processing_of(model))
+                q, qd, qdd = filtered.q, filtered.qd, filtered.qdd
+            else:
+                s = signals(recording)
+                q, qd, qdd = (s.smoothed(x)[s.valid] for x in (s.q, s.qd, s.qdd))
         except NotEnoughData:
             continue
         some = slice(None, None, max(1, len(q) // most))
         if len(q):
             yield q[some], qd[some], qdd[some]
-
-
-def _state(model: Model, motion: RecordedMotion, recording: Recording) -> Iterator[Array]:
-    """Yield positions, velocities and accelerations at the usable samples."""
-    if isinstance(motion, FreeMotion):
-        filtered = filtered_motion(recording, processing_of(model))
-        return iter((filtered.q, filtered.qd, filtered.qdd))
-    s = signals(recording)
-    return (s.smoothed(x)[s.valid] for x in (s.q, s.qd, s.qdd))
 
 
 def _root(square: float) -> float:

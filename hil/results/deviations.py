@@ -132,11 +132,17 @@ def deviations(fleet: Fleet, rate: float) -> Deviations:
     value, by_temperature = _remove_temperature(fleet, first, newest)
     new, new_error, n_new = _means(fleet, value, newest)
     old, old_error, n_old = _means(fleet, value, first)
-    run, n_runs = _repeatability(value, fleet.machine)
+    # standard deviation between successive runs of a machine, and the number of differences
+    apart = np.diff(value, axis=0)[np.diff(fleet.machine) == 0]
+    n_runs = np.isfinite(apart).sum(axis=0)
+    run = np.sqrt(_median(apart**2) / (2.0 * MEDIAN_SQUARE))
     with np.errstate(divide="ignore", invalid="ignore"):
         of_runs = np.hypot(run * np.sqrt(1.0 / n_new + 1.0 / n_old), by_temperature)
     stated = np.hypot(np.hypot(new_error, old_error), by_temperature)
-    allowance, degrees = (_smallest(x, fleet.machine) for x in (-fleet.allowance, fleet.degrees))
+    # of each machine, the largest allowance and the fewest degrees of freedom
+    allowance, degrees = (
+        np.fmin.reduceat(x, starts, axis=0) for x in (-fleet.allowance, fleet.degrees)
+    )
     own = _test(new - old, of_runs, n_runs, stated, degrees, -allowance)
     unknown = np.full(new.shape, np.nan)
     peers = _test(new, unknown, np.zeros_like(n_runs), unknown, unknown, 0.0 * unknown)
@@ -219,13 +225,6 @@ def _sums(x: Array, machine: Indices, n: int) -> Array:
     )
 
 
-def _repeatability(value: Array, machine: Indices) -> tuple[Array, Array]:
-    """Return the standard deviation between runs and the number of differences, by quantity."""
-    apart = np.diff(value, axis=0)[np.diff(machine) == 0]
-    count = np.isfinite(apart).sum(axis=0)
-    return np.sqrt(_median(apart**2) / (2.0 * MEDIAN_SQUARE)), count
-
-
 def _median(x: Array) -> Array:
     """Return the median of known values, by column; NaN for an empty column."""
     known = np.isfinite(x).any(axis=0)
@@ -243,12 +242,6 @@ def _means(fleet: Fleet, value: Array, which: Mask) -> tuple[Array, Array, Array
     )
     with np.errstate(invalid="ignore", divide="ignore"):
         return total / count, np.sqrt(squares) / count, count
-
-
-def _smallest(x: Array, machine: Indices) -> Array:
-    """Return the smallest known value by machine, shape (n_machines, n_columns)."""
-    starts = np.flatnonzero(np.diff(machine, prepend=-1))
-    return np.asarray(np.fmin.reduceat(x, starts, axis=0))
 
 
 def _test(

@@ -156,7 +156,7 @@ def follow_from(
 ) -> Findings:
     """Derive all findings from an estimate."""
     from hil.estimation.friction.history import history  # noqa: PLC0415 - as above
-    from hil.estimation.two_step_methods import estimates  # noqa: PLC0415
+    from hil.estimation.two_step_methods import fit_published  # noqa: PLC0415
     from hil.friction.drift import Level, drift  # noqa: PLC0415
     from hil.results.advice import CampaignResult, advice  # noqa: PLC0415
     from hil.results.identification import model_of  # noqa: PLC0415
@@ -167,7 +167,7 @@ def follow_from(
         return Findings(estimate, model)
     if model.method == "improved":
         with suppress(NotIdentifiable, NotEnoughData):
-            check = model_of(run, estimates(robot, recordings, ("published",))["published"])
+            check = model_of(run, fit_published(robot, recordings))
     effect = effect_of_errors(estimate, robot)
     past, local = history(robot, recordings), [each for each in estimate.local if each.friction > 0]
     levels = (

@@ -9,7 +9,7 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import TYPE_CHECKING
 
-from hil.errors import HilError, InvalidArray, NotEnoughData, NotIdentifiable
+from hil.errors import InvalidArray, NotEnoughData, NotIdentifiable
 from hil.estimation.campaign_friction import campaign_friction
 from hil.estimation.condensed import stack
 from hil.estimation.drive_train import find_drive_train
@@ -228,7 +228,12 @@ def identified(
         try:
             found = estimate(run.robot, campaign, method or method_for(run, others)[0], options)
         except (NotIdentifiable, NotEnoughData) as error:
-            raise _add_cause(error, proved(run.robot, campaign)) from error
+            proof = proved(run.robot, campaign)
+            if proof is None or not proof.found:
+                raise
+            # more measurements would not remove the cause
+            cause = f"{proof.found[0]}; {proof.found[0].remedy}"
+            raise type(error)(f"{cause}\nwithout this correction: {error}") from error
     if found.drive_train is None and not found.friction_law.known:
         # free motions and the improved method have chosen their laws already
         prepared = prepared_for(run.robot, found, campaign)
@@ -244,14 +249,6 @@ def identified(
     model = model_of(run, found, others, proof, options, campaign)
     # the joint fit holds all samples and is no longer needed
     return ModelFit(replace(found, joint=None), model)
-
-
-def _add_cause(error: HilError, proof: Excluded | None) -> HilError:
-    """Put a found cause before an error's message: more measurements would not remove the cause."""
-    if proof is None or not proof.found:
-        return error
-    cause = proof.found[0]
-    return type(error)(f"{cause}; {cause.remedy}\nwithout this correction: {error}")
 
 
 def method_for(run: Run, others: Sequence[Run] = ()) -> tuple[str, str]:
@@ -291,7 +288,7 @@ def model_of(
     if options.prior is not None and found.prior_share is not None:
         model = replace(model, prior=options.prior.stated(model.names, found.prior_share))
     model = replace(model, band_residual=band_residual(model, recorded))
-    usual = found.effect * found.usual
+    usual = found.effect * run.robot.usual_uncertainty
     return replace(model, verdict=verdict(model, usual, options.accuracy))
 
 

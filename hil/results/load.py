@@ -15,7 +15,7 @@ from hil.estimation.free_motion.gathering import gather
 from hil.estimation.free_motion.scaling import Scaling
 from hil.estimation.free_motion.variants import DEFAULT, VARIANTS
 from hil.estimation.free_motion_methods import estimate_from
-from hil.estimation.identify import default_method
+from hil.estimation.identify import restrict
 from hil.estimation.loads.evidence import condensed_like, free_motion_evidence, stroke_evidence
 from hil.estimation.loads.fit import fit_load
 from hil.estimation.noise_levels import noise_levels
@@ -31,7 +31,7 @@ from hil.planning.design.candidates import weigh
 from hil.planning.design.load import WithoutLoad
 from hil.planning.measurement import shows_element
 from hil.results.findings import found_in
-from hil.results.identification import identified
+from hil.results.identification import identified, method_for
 from hil.results.provenance import named, same_recordings
 from hil.runs.pooling import Pooled, pooled, recorded, refuse_mixed
 from hil.show.outcome import Outcome
@@ -105,19 +105,13 @@ class BareRun:
                 robot, [(m, s) for m, s in prepared if shows_element(m)]
             )
         weight = weigh(information.matrix, information.scatter)
-        return WithoutLoad(robot, run.planned, found.p, self._friction(), noise, weight)
-
-    def _friction(self, unknown_share: float = 0.1) -> Array:
-        """Return the highest friction of each axis, slow or fast, shape (n_joints,) [N m or N].
-
-        An axis without a friction law gets a share of its torque limit.
-        """
-        robot, law = self.run.robot, self.estimate.friction_law
-        unknown: Array = unknown_share * robot.torque_limit
+        # highest friction of each axis, slow or fast; without a law a tenth of the torque limit
         qd = np.outer((0.1, 0.5, 1.0, -0.1, -0.5, -1.0), robot.velocity_limit)
         still = np.zeros_like(qd)
-        highest: Array = np.abs(friction_torque(robot, law, still, qd, still)).max(axis=0)
-        return np.where(highest > 0, highest, unknown)
+        torque = friction_torque(robot, found.friction_law, still, qd, still)
+        highest = np.abs(torque).max(axis=0)
+        friction = np.where(highest > 0, highest, 0.1 * robot.torque_limit)
+        return WithoutLoad(robot, run.planned, found.p, friction, noise, weight)
 
 
 @dataclass(frozen=True, eq=False)
@@ -278,9 +272,11 @@ def estimate_load(bare: BareRun, loaded: Sequence[Run]) -> Load:
 def estimated(*runs: Run, options: Options = DEFAULTS) -> Estimate:
     """Return the estimate of runs, saved or computed as by `hil identify`."""
     first, *others = runs
+    method = method_for(first, others)[0]
     if others or options != DEFAULTS:
-        return identified(first, None, others, options=options).estimate
-    return found_in(first, default_method(first.motions)[0]).estimate
+        # options of a load may concern the runs of the other kind alone
+        return identified(first, method, others, options=restrict(method, options)).estimate
+    return found_in(first, method).estimate
 
 
 def require_load(found: Load, absent: float = 0.01) -> None:

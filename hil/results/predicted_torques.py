@@ -40,7 +40,7 @@ if TYPE_CHECKING:
     from hil.estimation.condensed import Stacked
     from hil.estimation.signals import Signals
     from hil.friction.warmth import History
-    from hil.planning.measurement import ParameterMotion, RecordedMotion
+    from hil.planning.measurement import RecordedMotion
     from hil.results.model import Model
     from hil.runs.recording import Recording
 
@@ -65,43 +65,24 @@ def predicted_torques(
     Mismatch
         A torque's gain is unknown and not part of the model.
     """
+    robot, law = model.robot, model.friction_law
     for motion, as_recorded in recorded:
         if not shows_parameters(motion):
             continue
         recording = convert_torques(model, motion, as_recorded)
         with suppress(NotEnoughData):
             if model.details.with_law:
-                yield from _predict_recorded(model, motion, recording)
-            else:
-                yield from _fitted(model, motion, recording, past)
-
-
-def _predict_recorded(
-    model: Model, motion: ParameterMotion, recording: Recording
-) -> Iterator[PredictedTorque]:
-    """Return the torques of all axes by the friction law identified with the parameters."""
-    found = predict_recording(model, recording, motion.id)
-    return map(found.select_axis, found.axes)
-
-
-def _fitted(
-    model: Model, motion: ParameterMotion, recording: Recording, past: History | None
-) -> Iterator[PredictedTorque]:
-    """Yield torques by motions or periods, with the model's friction and with fitted friction."""
-    s = signals(recording)
-    law = _law_along(model, s, past)
-    for stretch in stack(model.robot, motion, s):
-        for axis in stretch:
-            yield _predict_axis(model, motion.id, axis, s, law)
-
-
-def _law_along(model: Model, s: Signals, past: History | None) -> tuple[Array, Array]:
-    """Return friction by the model's law at all samples, with variance; 0 if unknown."""
-    robot, law = model.robot, model.friction_law
-    motion = s.q, s.qd, inverse_dynamics(robot, model.values, s.q, s.qd, s.qdd)
-    level = level_anywhere(law) if past is None else level_along(law, past, s.time)
-    variance = friction_variance(robot, law, *motion, level=level)
-    return friction_torque(robot, law, *motion), variance
+                found = predict_recording(model, recording, motion.id)
+                yield from map(found.select_axis, found.axes)
+                continue
+            s = signals(recording)
+            state = s.q, s.qd, inverse_dynamics(robot, model.values, s.q, s.qd, s.qdd)
+            level = level_anywhere(law) if past is None else level_along(law, past, s.time)
+            variance = friction_variance(robot, law, *state, level=level)
+            own = friction_torque(robot, law, *state), variance
+            for stretch in stack(robot, motion, s):
+                for axis in stretch:
+                    yield _predict_axis(model, motion.id, axis, s, own)
 
 
 def _predict_axis(

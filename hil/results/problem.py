@@ -20,7 +20,8 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, overload
 
 from hil.errors import Mismatch, NotEnoughData, UnknownName
-from hil.estimation.identify import refuse_without_effect
+from hil.estimation.free_motion.variants import DEFAULT
+from hil.estimation.identify import JOINT, refuse_without_effect
 from hil.estimation.options import DEFAULTS, Options
 from hil.friction.terms import LAWS
 from hil.results.identification import identified, method_for
@@ -147,11 +148,6 @@ def regression(
     refuse_mixed(runs)
     if friction not in ("auto", *LAWS):
         raise UnknownName(f"friction {friction!r} must be auto, or a law: {'; '.join(LAWS)}")
-    if friction != "auto" and not any(run.imported for run in (*runs, *loaded)):
-        raise Mismatch(
-            f"friction {friction!r}: for imported runs only (0 of {len(runs)}); in measured runs "
-            "friction is fitted in each measurement; use 'auto'"
-        )
     named = (nuisance,) if isinstance(nuisance, str) else tuple(nuisance)
     options = Options(friction, named, covariance, prior)
     if loaded and method is not None:
@@ -161,6 +157,10 @@ def regression(
     if not loaded and (mass is not None or gains):
         raise NotEnoughData("0 runs with a load, needed for mass or gains; give loaded=[run]")
     if loaded:
+        # strokes of imports are evaluated as free motions here
+        imported = {run.imported for run in (*runs, *loaded)}
+        measured_or_free = DEFAULT if True in imported else "improved"
+        refuse_without_effect(JOINT if len(imported) > 1 else measured_or_free, options)
         return LoadProblem(BareRun(*runs, options=options), tuple(loaded), mass, gains)
     problem = RegressionProblem(runs, options, method)
     refuse_without_effect(problem.method, options)

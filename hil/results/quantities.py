@@ -22,7 +22,7 @@ from hil.friction.law import level_at
 from hil.model.base_parameters import base_parameters
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator, Sequence
+    from collections.abc import Iterable, Iterator, Sequence
 
     from hil.friction.law import AxisLaw
     from hil.model.robot import Robot
@@ -100,7 +100,23 @@ class Reading(NamedTuple):
 
 def quantities(models: Sequence[IdentifiedRobot]) -> tuple[Quantity, ...]:
     """Return the quantities common to models of a robot, parameters first."""
-    return (*_parameters(models[0]), *_friction(models))
+    robot = models[0].robot
+    base = base_parameters(robot)
+    found = []
+    for k, name in enumerate(base.names):
+        kind: Kind = "gravity parameter" if k in base.groups["gravity"] else "inertia parameter"
+        about, meaning = base.expressions[k], base.meanings[k]
+        found.append(Quantity(name, kind, base.units[k], about, meaning=meaning))
+    for axis in range(robot.n_joints):
+        laws = [law for model in models if (law := model.friction_law.axes[axis]) is not None]
+        ranges = [law.speeds or tuple(share * law.speed for share in ASSUMED) for law in laws]
+        # speeds inside the common range of the laws; none without this range
+        slowest = max((low for low, _ in ranges), default=0.0)
+        fastest = min((high for _, high in ranges), default=0.0)
+        shares = SHARES if slowest < fastest else ()
+        speeds = [slowest + share * (fastest - slowest) for share in shares]
+        found += _friction(robot, axis, speeds) if laws else ()
+    return tuple(found)
 
 
 def reading(
@@ -121,7 +137,12 @@ def reading(
         Assumed change for laws without known wander, such as those from free motions.
     """
     if quantity.axis is None:
-        return _parameter(model, model.names.index(quantity.name))
+        k = model.names.index(quantity.name)
+        if not model.identified[k]:
+            return None
+        error = float(np.sqrt(max(model.scatter_covariance[k, k], 0.0)))
+        value, degrees = float(model.values[k]), float(model.degrees_of_freedom[k])
+        return Reading(value, error, degrees, stands_for=model.details.sum_of(model.names[k]))
     law = model.friction_law.axes[quantity.axis - 1]
     if law is None:
         return None
@@ -135,59 +156,24 @@ def reading(
     return Reading(level, error, degrees, wander * abs(level))
 
 
-def _parameters(model: IdentifiedRobot) -> Iterator[Quantity]:
-    base = base_parameters(model.robot)
-    gravity = base.groups["gravity"]
-    for k, name in enumerate(base.names):
-        kind: Kind = "gravity parameter" if k in gravity else "inertia parameter"
-        about = base.expressions[k]
-        yield Quantity(name, kind, base.units[k], about, meaning=base.meanings[k])
-
-
-def _parameter(model: IdentifiedRobot, k: int) -> Reading | None:
-    if not model.identified[k]:
-        return None
-    error = float(np.sqrt(max(model.scatter_covariance[k, k], 0.0)))
-    value, degrees = float(model.values[k]), float(model.degrees_of_freedom[k])
-    return Reading(value, error, degrees, stands_for=model.details.sum_of(model.names[k]))
-
-
-def _friction(models: Sequence[IdentifiedRobot]) -> Iterator[Quantity]:
-    robot = models[0].robot
-    for axis in range(robot.n_joints):
-        laws = (model.friction_law.axes[axis] for model in models)
-        known = [law for law in laws if law is not None]
-        unit = robot.torque_unit(axis)
-        for speed in _speeds(known):
-            name = f"friction of axis {axis + 1} at {speed:g} {robot.position_unit(axis)}/s"
-            yield Quantity(name, "friction level", unit, axis=axis + 1, speed=speed)
-        if known:
-            yield Quantity(f"offset of axis {axis + 1}", "offset", unit, axis=axis + 1)
-
-
 def friction_quantities(robot: Robot) -> Iterator[Quantity]:
     """Yield friction levels at shares of each joint's velocity limit, and offsets.
 
     These quantities are common to all runs of a robot and independent of the laws. Without a
     velocity limit there are only offsets.
     """
-    for axis in range(robot.n_joints):
-        limit, unit = float(robot.velocity_limit[axis]), robot.torque_unit(axis)
-        for share in OF_LIMIT if np.isfinite(limit) else ():
-            speed = float(f"{share * limit:.2g}")
-            name = f"friction of axis {axis + 1} at {speed:g} {robot.position_unit(axis)}/s"
-            yield Quantity(name, "friction level", unit, axis=axis + 1, speed=speed)
-        yield Quantity(f"offset of axis {axis + 1}", "offset", unit, axis=axis + 1)
+    for axis, limit in enumerate(robot.velocity_limit.tolist()):
+        shares = OF_LIMIT if np.isfinite(limit) else ()
+        yield from _friction(robot, axis, [share * limit for share in shares])
 
 
-def _speeds(laws: Sequence[AxisLaw]) -> Iterator[float]:
-    """Return speeds inside the common range of laws, with two digits; none without this range."""
-    ranges = [law.speeds or tuple(share * law.speed for share in ASSUMED) for law in laws]
-    slowest = max((low for low, _ in ranges), default=0.0)
-    fastest = min((high for _, high in ranges), default=0.0)
-    if slowest < fastest:
-        for share in SHARES:
-            yield float(f"{slowest + share * (fastest - slowest):.2g}")
+def _friction(robot: Robot, axis: int, speeds: Iterable[float]) -> Iterator[Quantity]:
+    """Yield friction levels of an axis at speeds with two digits, and its offset."""
+    unit = robot.torque_unit(axis)
+    for speed in (float(f"{each:.2g}") for each in speeds):
+        name = f"friction of axis {axis + 1} at {speed:g} {robot.position_unit(axis)}/s"
+        yield Quantity(name, "friction level", unit, axis=axis + 1, speed=speed)
+    yield Quantity(f"offset of axis {axis + 1}", "offset", unit, axis=axis + 1)
 
 
 def _degrees(model: IdentifiedRobot, law: AxisLaw, fewest: float = 2.0) -> float:

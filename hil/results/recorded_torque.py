@@ -34,9 +34,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from hil.arrays import Array
-    from hil.estimation.free_motion.motion import Motion
     from hil.friction.direction import Direction
-    from hil.friction.law import TermValue
     from hil.planning.measurement import RecordedMotion
     from hil.results.model import Model
     from hil.runs.recording import Recording
@@ -191,10 +189,13 @@ def filter_recording(model: Model, recording: Recording) -> Along:
     def coarse(x: Array) -> Array:
         return np.asarray(x[:: rates.coarse][: len(used)][used])
 
+    added = np.zeros_like(motion.q)
+    if compliance := model.details.compliance:
+        columns = soft_gears(model.robot, motion, model.values, motion.processing.soft)
+        added = columns @ np.array([each.value / STEP for each in compliance.values()])
     return Along(
         coarse(recording.time[:: rates.fine]), motion.q, motion.qd, motion.qdd, motion.tau[used],
-        coarse, lambda x: motion.passed(x)[: len(used)][used],
-        _soft_gear_torque(model, model.details.compliance, motion), motion.directions,
+        coarse, lambda x: motion.passed(x)[: len(used)][used], added, motion.directions,
     )  # fmt: skip
 
 
@@ -218,14 +219,6 @@ def thin_rows(x: Array, every: int) -> NDArray[np.intp]:
     begins = rows[:: 8 * every, np.newaxis]
     extreme = [(begins + of(blocks, axis=1)).ravel() for of in (np.argmin, np.argmax)]
     return np.unique(np.concatenate([rows[::every], *extreme]))
-
-
-def _soft_gear_torque(model: Model, compliance: dict[int, TermValue], motion: Motion) -> Array:
-    """Return the torque added by compliant gears, shape of the positions."""
-    if not compliance:
-        return np.zeros_like(motion.q)
-    columns = soft_gears(model.robot, motion, model.values, motion.processing.soft)
-    return np.asarray(columns @ np.array([each.value / STEP for each in compliance.values()]))
 
 
 def predict_recording(model: Model, recording: Recording, name: str = "") -> PredictedTorque:

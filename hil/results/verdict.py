@@ -37,7 +37,7 @@ if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator, Sequence
 
     from hil.arrays import Array
-    from hil.estimation.excluded.result import Found, Limit
+    from hil.estimation.excluded.result import Limit
     from hil.model.robot import Robot
     from hil.results.judgement import Rule
     from hil.results.model import Model
@@ -65,26 +65,21 @@ def verdict(
 
 def _found(model: Model) -> Iterator[Reservation]:
     """Yield objections due to found causes, except causes with a negligible effect on torques."""
-    for cause in model.excluded.found if model.excluded else ():
-        moved, harmless = _moved(model, cause)
+    causes = model.excluded.found if model.excluded else ()
+    free, relative = (free_torques(model), uncertainty(model)) if causes else (None, None)
+    for cause in causes:
+        # relative torque change of the worst axis by the correction; harmless below the torque's
+        # standard error on all axes
+        moved, harmless = 0.0, False
+        if free is not None and cause.change is not None and relative is not None:
+            by_axis = free.relative(free.rms(np.array(cause.change)), model.values)
+            moved, harmless = float(by_axis.max()), bool((by_axis <= relative).all())
         unknown = cause.change is None and cause.left < HALF
         # torque ripple is not an error in a file: base parameters describe the remaining torque
         stated = cause.cause != "torque ripple"
         spoilt = CAUSES[cause.cause].whole or (stated and (unknown or moved > TOLERANCE))
         if spoilt or not harmless:
             yield (failed if spoilt else doubtful)(str(cause), cause.remedy)
-
-
-def _moved(model: Model, cause: Found) -> tuple[float, bool]:
-    """Return the relative torque change of the worst axis by correction of a cause.
-
-    The second value is True if the change is less than the torque's standard error on all axes.
-    """
-    free, relative = free_torques(model), uncertainty(model)
-    if free is None or cause.change is None or relative is None:
-        return 0.0, False
-    moved = free.relative(free.rms(np.array(cause.change)), model.values)
-    return float(moved.max()), bool((moved <= relative).all())
 
 
 def _unexplained(fit: FreeMotionFit) -> Reservation | None:
@@ -288,10 +283,12 @@ def _good(model: Model, usual_effect: Array | None) -> Iterator[Reservation]:
         return
     yield good(f"{reason}, provided that effects invisible in the recordings are as stated")
     usual = dict.fromkeys((each.cause, f"±{each.usual:g} {each.unit}") for each in hidden)
-    conditions = ", ".join(
-        f"{cause}{_listed([each.axis for each in hidden if each.cause == cause])} {size}"
-        for cause, size in usual
-    )
+    said = []
+    for cause, size in usual:
+        axes = [each.axis for each in hidden if each.cause == cause]
+        which = f" ({'axis' if len(axes) == 1 else 'axes'} {_axes(axes)})" if any(axes) else ""
+        said.append(f"{cause}{which} {size}")
+    conditions = ", ".join(said)
     yield good(
         f"not shown by recordings: {conditions}; with these usual tolerances the torque is "
         f"predicted within {_within(_add_hidden(model, relative, hidden, usual_effect))}",
@@ -341,10 +338,6 @@ def _add_hidden(
 def _within(relative: Array) -> str:
     worst = int(np.argmax(relative))
     return f"{100 * relative[worst]:.2g} % (1 sigma), worst axis {worst + 1}"
-
-
-def _listed(axes: Sequence[int]) -> str:
-    return f" ({'axis' if len(axes) == 1 else 'axes'} {_axes(axes)})" if any(axes) else ""
 
 
 def _scale(robot: Robot) -> str:

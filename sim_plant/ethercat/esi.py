@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 
 _TYPES = {2: "SINT", 3: "INT", 4: "DINT", 5: "USINT", 6: "UINT", 7: "UDINT", 8: "REAL"}
 _ACCESS = {"const": "ro", "rwr": "rw", "rww": "rw"}
-_VARIABLE, _ARRAY = 7, 8
+_VARIABLE = 7
 _SUB_INDEX_BITS = 16
 """Sub-index 0 and its padding, before the entries of an object."""
 

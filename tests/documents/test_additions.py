@@ -18,7 +18,13 @@ from fault_table.cases import CASES
 from benchmarks.rivals import RIVALS
 from drivers import rate_units
 from drivers.commissioning import requirements
+from hil.estimation import nuisances
 from hil.estimation.consistent import conditions
+from hil.estimation.drive_train import DriveTrain
+from hil.estimation.free_motion.motion import Processing
+from hil.estimation.free_motion.nuisances import find_nuisances
+from hil.estimation.free_motion.result import FreeMotionFit
+from hil.estimation.free_motion_methods import fit_free_motions
 from hil.estimation.identify import METHODS
 from hil.estimation.local_fits import LOCAL_FITS
 from hil.export import formats
@@ -71,6 +77,14 @@ REGISTRIES = {
         Registry("hil/estimation/consistent/conditions.py", [conditions.conditions]),
     ),
     "an estimator": (Registry("hil/estimation/identify.py", METHODS.values()),),
+    "a nuisance": (
+        Registry("hil/estimation/nuisances.py", [nuisances.Search, nuisances.State]),
+        Registry("hil/estimation/free_motion/nuisances.py", [find_nuisances]),
+        Registry("hil/estimation/free_motion/motion.py", [Processing]),
+        Registry("hil/estimation/free_motion/result.py", [FreeMotionFit]),
+        Registry("hil/estimation/free_motion_methods.py", [fit_free_motions]),
+        Registry("hil/estimation/drive_train.py", [DriveTrain]),
+    ),
     "a method to be compared with": (
         Registry("benchmarks/rivals/__init__.py", RIVALS.values()),
     ),

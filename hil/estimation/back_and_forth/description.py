@@ -51,19 +51,15 @@ class HalfSums:
 
     Attributes
     ----------
-    id : str
     axis : int
         Axis from 0.
-    pairs : int
     q : ndarray, shape (n,)
         Positions [rad or m].
     measured, standard_error, model : ndarray, shape (n,)
         Torques [N m or N]; standard errors are NaN for bins with one pair.
     """
 
-    id: str
     axis: int
-    pairs: int
     q: Array
     measured: Array
     standard_error: Array
@@ -83,7 +79,7 @@ def half_sums(halves: Halves, solution: Solution) -> HalfSums:
         np.bincount(number, x) / n for x in (halves.q[:, halves.axis], model, left, left**2)
     )
     error = np.sqrt(np.maximum(square - rest**2, 0.0) / np.where(n > 1, n - 1, np.nan))
-    return HalfSums(halves.id, halves.axis, len(halves.pairs), q, modelled + rest, error, modelled)
+    return HalfSums(halves.axis, q, modelled + rest, error, modelled)
 
 
 def friction_curves(recordings: Sequence[Halves], solution: Solution) -> tuple[FrictionCurve, ...]:

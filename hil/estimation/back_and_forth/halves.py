@@ -44,7 +44,7 @@ from hil.model.dynamics import regressor
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from hil.arrays import Array, Indices, Mask
+    from hil.arrays import Array, Indices
     from hil.estimation.back_and_forth.pairs import Pairs
     from hil.estimation.free_motion.motion import Motion
     from hil.model.robot import Robot
@@ -136,9 +136,13 @@ def halves_of(robot: Robot, motion: FreeMotion, recording: Recording) -> Halves:
         No pair is usable.
     """
     (axis,) = motion.moved
-    processing, reason = _processing(motion, recording)
+    width = bandwidth(recording.q[:, axis], recording.period)
+    cut_off, reason = cut_off_of([width], recording.period, motion.cut_off)
+    none, speed = np.zeros(recording.n_joints), np.ones(recording.n_joints)
+    speed[axis] = max(greatest_speed(recording)[axis], SLOWEST)
+    processing = Processing(cut_off, cut_off, speed, none.astype(bool), none, none)
     # positions and torque are filtered before columns are computed
-    tau = low_passed(recording.tau, recording.period, processing.cut_off)[0]
+    tau = low_passed(recording.tau, recording.period, cut_off)[0]
     filtered = filtered_motion(replace(recording, tau=tau), processing)
     n = len(filtered.tau)
     stroke = recording.stroke[:: filtered.rates.fine * filtered.rates.coarse][:n]
@@ -152,10 +156,16 @@ def halves_of(robot: Robot, motion: FreeMotion, recording: Recording) -> Halves:
         for names in (known(robot), (*base, *CLASSICAL))
     )
     columns = np.hstack([columns, levels])
-    still, fixed = _others_still(filtered, axis)
+    ways = np.ptp(filtered.q, axis=0)
+    # an axis at rest moves by its control deviation. This affects the measured torque, so the
+    # columns of the fit keep the motion; the test of the excitation takes the mean position
+    # instead, or base parameters would appear excited
+    still = ways <= 0.02 * ways[axis]
+    at = np.where(still, filtered.q.mean(axis=0), filtered.q)
+    qd, qdd = (np.where(still, 0.0, x) for x in (filtered.qd, filtered.qdd))
     alone = columns.copy()
-    apart = regressor(robot, fixed.q, fixed.qd, fixed.qdd, joints=[axis])[:, 0]
-    alone[:, 1 : 1 + len(base)] = fixed.passed(apart)[:n]
+    apart = regressor(robot, at, qd, qdd, joints=[axis])[:, 0]
+    alone[:, 1 : 1 + len(base)] = replace(filtered, q=at, qd=qd, qdd=qdd).passed(apart)[:n]
     alone[:, 1 + len(base)] = 0.0
     whole = (classical[filtered.used & (stroke // 2 == k)] for k in np.unique(pairs.pair))
     scale = np.sqrt(pairs.weights)[:, np.newaxis]
@@ -170,19 +180,9 @@ def halves_of(robot: Robot, motion: FreeMotion, recording: Recording) -> Halves:
         samples=columns[pairs.used].T @ columns[pairs.used],
         whole=np.array([x.T @ x for x in whole]),
         also_moving=tuple(int(j) for j in np.flatnonzero(~still) if j != axis),
-        cut_off=processing.cut_off,
+        cut_off=cut_off,
         cut_off_reason=reason,
     )
-
-
-def _processing(motion: FreeMotion, recording: Recording) -> tuple[Processing, str]:
-    """Choose the settings of a recording, with the reason for the cut-off."""
-    (axis,) = motion.moved
-    width = bandwidth(recording.q[:, axis], recording.period)
-    cut_off, reason = cut_off_of([width], recording.period, motion.cut_off)
-    none, speed = np.zeros(recording.n_joints), np.ones(recording.n_joints)
-    speed[axis] = max(greatest_speed(recording)[axis], SLOWEST)
-    return Processing(cut_off, cut_off, speed, none.astype(bool), none, none), reason
 
 
 def _columns(robot: Robot, motion: Motion, axis: int) -> dict[str, Array]:
@@ -216,18 +216,3 @@ def _levels(u: Array, pairs: Pairs) -> Array:
         steady = make_interp_spline(pairs.turning, np.eye(len(pairs)), k=1)(np.arange(len(u)))
     direction, u = np.sign(u)[:, np.newaxis], u[:, np.newaxis]
     return np.hstack([direction * curve, direction * steady, u * steady])
-
-
-def _others_still(motion: Motion, axis: int) -> tuple[Mask, Motion]:
-    """Find the axes at rest, and replace the motion of axes at rest by the mean position.
-
-    The control deviation of axes at rest affects the measured torque, so the columns of the fit
-    keep this motion. The test of the excitation takes the mean position instead: with the control
-    deviation, base parameters would appear excited.
-    """
-    ways = np.ptp(motion.q, axis=0)
-    # largest motion of an axis at rest, as a share of the moving axis's distance: control deviation
-    still = ways <= 0.02 * ways[axis]
-    mean = np.where(still, motion.q.mean(axis=0), motion.q)
-    qd, qdd = (np.where(still, 0.0, x) for x in (motion.qd, motion.qdd))
-    return still, replace(motion, q=mean, qd=qd, qdd=qdd)

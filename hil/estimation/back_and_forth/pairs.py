@@ -108,7 +108,12 @@ def pairs_of(motion: Motion, stroke: Numbers, axis: int, unit: str) -> Pairs:
     number, returns = np.divmod(stroke, 2)
     steady = motion.used & (motion.slowest[:, axis] >= SLOW) & (stroke >= 0)
     steady &= np.sign(qd) == np.where(returns, -1, 1)
-    bins = _bins(q, stroke, steady)
+    # bins of about as many samples each, as narrow as the usual stroke fills
+    bins, lengths = np.zeros(len(q), dtype=np.intp), np.bincount(stroke[steady])
+    if steady.any():
+        n = int(np.clip(np.median(lengths[lengths > 0]) // COARSE, *BINS))
+        edges = np.unique(np.quantile(q[steady], np.linspace(0.0, 1.0, n + 1)))
+        bins = np.clip(np.searchsorted(edges, q, side="right") - 1, 0, len(edges) - 2)
     # one row for each bin passed by both strokes of a pair
     key = number.astype(np.intp) * BINS[1] + bins
     useless, used = [], steady.copy()
@@ -141,16 +146,6 @@ def pairs_of(motion: Motion, stroke: Numbers, axis: int, unit: str) -> Pairs:
         turning=(ends[last] + begins[first]) / 2,
         useless=tuple(useless),
     )
-
-
-def _bins(q: Array, stroke: Numbers, steady: Mask) -> Indices:
-    """Return the position bin of every filtered sample."""
-    lengths = np.bincount(stroke[steady])
-    if not steady.any():
-        return np.zeros(len(q), dtype=np.intp)
-    n = int(np.clip(np.median(lengths[lengths > 0]) // COARSE, *BINS))
-    edges = np.unique(np.quantile(q[steady], np.linspace(0.0, 1.0, n + 1)))
-    return np.clip(np.searchsorted(edges, q, side="right") - 1, 0, len(edges) - 2)
 
 
 def _reason(q: Array, qd: Array, forth: Mask, back: Mask, bins: Indices, unit: str) -> str:

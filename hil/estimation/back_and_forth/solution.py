@@ -81,12 +81,14 @@ def solve(robot: Robot, recordings: Sequence[Halves], covariance: Covariance) ->
         alone = blocks(robot, recordings, weights, together, alone=True).normal(weights)
         return excitation(alone.information, len(base_parameters(robot)), square)
 
+    # kept unknowns and eliminated levels depend on the weights, and the weights on the residuals
     def weigh(weights: Array) -> Array:
         total = blocks(robot, recordings, weights, together)
         return Regression.weighed(total, excited(weights).unknowns, weights, rounds=1).weights
 
     weights = reweighted(weigh, np.ones(2 * robot.n_joints), ROUNDS)
     pairs = blocks(robot, recordings, weights, by_pair)
+    # model errors repeat with the strokes and do not scatter over pairs, but over cells of states
     states = np.vstack([np.column_stack([each.q, each.speed]) for each in recordings])
     cells = blocks(robot, recordings, weights, cells_of(states))
     found = excited(weights, float(pairs.squares @ weights))

@@ -98,7 +98,13 @@ def _newton(blocks: _Blocks, slope: Array, pull: Array, z: Array) -> Array:
         descent = -float(gradient @ step)
         if descent < _DECREMENT:
             break
-        length = _longest([block for block, _ in blocks], z, step)
+        # a whole step, or nine tenths of the distance to a condition's boundary
+        worst = 0.0
+        for block, _ in blocks:
+            root = np.linalg.inv(np.linalg.cholesky(block.constant + block.weights @ z))
+            moved = root @ (block.weights @ step) @ root.T
+            worst = max(worst, -float(np.linalg.eigvalsh((moved + moved.T) / 2)[0]))
+        length = min(1.0, 0.9 / worst) if worst > 0 else 1.0
         here = _value(blocks, slope, pull, z)
         while _value(blocks, slope, pull, z + length * step) > here - 0.1 * length * descent:
             length /= 2
@@ -111,13 +117,3 @@ def _newton(blocks: _Blocks, slope: Array, pull: Array, z: Array) -> Array:
 def _value(blocks: _Blocks, slope: Array, pull: Array, z: Array) -> float:
     dets = [w * np.linalg.slogdet(block.constant + block.weights @ z)[1] for block, w in blocks]
     return float(slope @ z + pull @ z**2 / 2 - sum(dets))
-
-
-def _longest(blocks: Sequence[Inequality], z: Array, step: Array) -> float:
-    """Return the step length: 1, or nine tenths of the distance to a condition's boundary."""
-    worst = 0.0
-    for block in blocks:
-        root = np.linalg.inv(np.linalg.cholesky(block.constant + block.weights @ z))
-        moved = root @ (block.weights @ step) @ root.T
-        worst = max(worst, -float(np.linalg.eigvalsh((moved + moved.T) / 2)[0]))
-    return min(1.0, 0.9 / worst) if worst > 0 else 1.0

@@ -10,7 +10,7 @@ off-diagonal elements times the root of 2, which keeps inner products.
 from __future__ import annotations
 
 from itertools import product
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
@@ -76,14 +76,21 @@ def _solved(
 
     sizes = [len(each.constant) for each in inequalities]
     weights = [each.weights * unit for each in inequalities]
-    square, slope = _scaled(A * unit, b)
+    scaled = A * unit
+    square = scaled.T @ scaled
+    greatest = float(np.abs(square).max())
+    settings = clarabel.DefaultSettings()
+    settings.verbose, settings.max_threads = False, 1
+    settings.tol_gap_abs = settings.tol_gap_rel = settings.tol_feas = tolerance
+    settings.chordal_decomposition_enable = False  # matrices are small and full
     solution = clarabel.DefaultSolver(
-        sparse.csc_matrix(np.triu(square)),
-        -slope,
+        # the objective is scaled to a greatest element of 1
+        sparse.csc_matrix(np.triu(_drop_noise(square / greatest))),
+        -(scaled.T @ b / greatest),
         sparse.csc_matrix(_drop_noise(-np.vstack([_vectorise(each) for each in weights]))),
         _drop_noise(np.concatenate([_vectorise(each.constant) for each in inequalities])),
         [clarabel.PSDTriangleConeT(n) for n in sizes],
-        _settings(clarabel, tolerance),
+        settings,
     ).solve()
     u = unit * np.array(solution.x)
     if str(solution.status) not in {"Solved", "AlmostSolved"} or not _hold(inequalities, u):
@@ -101,21 +108,6 @@ def _hold(inequalities: Sequence[Inequality], u: Array) -> bool:
         np.linalg.eigvalsh(each)[0] > -1e-7 * max(1.0, float(np.abs(each).max()))
         for each in matrices
     )
-
-
-def _settings(clarabel: Any, tolerance: float) -> Any:
-    settings = clarabel.DefaultSettings()
-    settings.verbose, settings.max_threads = False, 1
-    settings.tol_gap_abs = settings.tol_gap_rel = settings.tol_feas = tolerance
-    settings.chordal_decomposition_enable = False  # matrices are small and full
-    return settings
-
-
-def _scaled(A: Array, b: Array) -> tuple[Array, Array]:
-    """Return matrix and slope of the objective, scaled to a greatest element of 1."""
-    square = A.T @ A
-    greatest = float(np.abs(square).max())
-    return _drop_noise(square / greatest), A.T @ b / greatest
 
 
 def _drop_noise(x: Array) -> Array:

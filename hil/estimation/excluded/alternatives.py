@@ -30,7 +30,7 @@ from hil.least_squares.solving import inverse, solve_each
 from hil.model.dynamics import mass_matrix, regressor
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterable, Iterator, Sequence
+    from collections.abc import Callable, Iterator, Sequence
 
     from hil.arrays import Array
     from hil.estimation.excluded.evidence import Evidence
@@ -369,7 +369,9 @@ def alternatives(
         Alternative(cause, axes, np.nan, np.nan, stated.instead(reading))
         for cause, axes, reading in discrete(robot, stated.evidence)
     ]
-    for cause, axis in _sized(robot, sizes, slipped):
+    turned = (("gravity x", -1), ("gravity y", -1)) if np.any(robot.gravity) else ()
+    of_size = (key for key in sizes if key[0] in STARTS)
+    for cause, axis in (("slip", slipped), *turned, *of_size):
         instant = _instant(stated, axis) if cause == "slip" else 0.0
         read = sized(robot, cause, axis, instant)
         starts = [*STARTS[cause], *([sizes[cause, axis]] if (cause, axis) in sizes else [])]
@@ -415,15 +417,6 @@ def discrete(robot: Robot, evidence: Evidence) -> Iterator[tuple[str, tuple[int,
             yield "two axes exchanged", (i, j), replace(stated, order=both, torques=both)
             yield "two positions exchanged", (i, j), replace(stated, order=both)
             yield "two torques exchanged", (i, j), replace(stated, torques=both)
-
-
-def _sized(
-    robot: Robot, sizes: Iterable[tuple[str, int]], slipped: int
-) -> Iterator[tuple[str, int]]:
-    yield "slip", slipped
-    if np.any(robot.gravity):
-        yield from (("gravity x", -1), ("gravity y", -1))
-    yield from (key for key in sizes if key[0] in STARTS)
 
 
 def _searched(

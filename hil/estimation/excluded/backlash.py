@@ -133,7 +133,10 @@ def displacements(
     ndarray, shape (n_half_gaps, 3, n)
         Displacement, speed and acceleration, smoothed, in the order of `places`.
     """
-    pieces = [_pieces(len(s.time)) for s in signals]
+    # sample indices of pieces with leads, shape (n_pieces, LEAD + PIECE)
+    window = np.arange(-LEAD, PIECE)
+    lengths = [len(s.time) for s in signals]
+    pieces = [np.clip(np.arange(0, n, PIECE)[:, None] + window, 0, n - 1) for n in lengths]
     rate = np.concatenate([d.acceleration(axis)[at] for d, at in zip(driven, pieces, strict=True)])
     period = np.repeat([s.period for s in signals], [len(at) for at in pieces])
     gaps, found, first = np.array(half_gaps)[:, None], [], 0
@@ -146,15 +149,11 @@ def displacements(
     for s, at, wanted in zip(signals, pieces, places, strict=True):
         whole = simulated[:, first : first + len(at)].reshape(len(gaps), -1)[:, : len(s.time)]
         first += len(at)
-        found.append(np.moveaxis(_correlated(whole, _taps(s.period), wanted), 2, 1))
+        taps = _taps(s.period)
+        reach = len(taps) // 2
+        near = np.clip(wanted[:, None] + np.arange(-reach, reach + 1), 0, whole.shape[1] - 1)
+        found.append(np.moveaxis(whole[:, near] @ taps, 2, 1))
     return np.concatenate(found, axis=2)
-
-
-def _pieces(n: int) -> Indices:
-    """Return sample indices of pieces with leads, shape (n_pieces, LEAD + PIECE)."""
-    starts = np.arange(0, n, PIECE)
-    at: Indices = np.clip(starts[:, None] + np.arange(-LEAD, PIECE), 0, n - 1)
-    return at
 
 
 def _crossed(acceleration: Array, period: Array, gap: Array) -> Array:
@@ -188,11 +187,3 @@ def _taps(period: float) -> Array:
     window, beyond = weights(period), len(SECOND) // 2
     first, second = np.convolve(window, FIRST / period), np.convolve(window, SECOND / period**2)
     return np.column_stack([np.pad(window, beyond), first, second])
-
-
-def _correlated(x: Array, taps: Array, wanted: Indices) -> Array:
-    """Sum samples and neighbours times `taps`, shape (len(x), len(wanted), n_taps)."""
-    reach = len(taps) // 2
-    at = np.clip(wanted[:, None] + np.arange(-reach, reach + 1), 0, x.shape[1] - 1)
-    found: Array = x[:, at] @ taps
-    return found

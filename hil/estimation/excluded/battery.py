@@ -372,7 +372,9 @@ class Battery:
         at, B = self._basis(columns)
         if not len(at):
             return None
-        same = self._same(at)
+        cause, of_axis = self.columns.names[at[0]][:2]
+        # gaps of a backlash are one cause
+        same = np.array(self.columns.gaps(of_axis)) if cause.startswith("backlash ") else at
         U = self._left[:, at] @ B
         along, rank, axis = U.T @ self._residual, U.shape[1], int(self._axis[at[0]])
         rest = self._residual - U @ along
@@ -382,7 +384,12 @@ class Battery:
             self._group_sums(U * enlarged), np.repeat(shares, rank, axis=1), np.ones(rank)
         )
         if itself:
-            common, white = self._common_beside(axis, same, U, enlarged), self._white(rest, U)
+            common = self._common_beside(axis, same, U, enlarged)
+            # white noise of the residual without the cause, along the orthonormal U
+            e, counts = self.evidence, np.maximum(self._counts, 1.0)
+            square = np.bincount(self._channel, rest**2, e.n_channels) / counts
+            square = np.maximum(square, e.finest**2 * self.weights)
+            white = float(square[self._channel] @ (U**2).mean(axis=1))
         else:
             common, white = self.common[axis], 1.0
         others = self._others(axis, same, U if itself else None)
@@ -438,19 +445,6 @@ class Battery:
         weighted = self._D[:, at] * self._root[:, None]
         along = (self._coefficients @ (self._Q.T @ weighted))[: estimated.shape[1]]
         return -self.weights @ (own - estimated @ along)
-
-    def _same(self, at: Indices) -> Indices:
-        """Return the columns of a cause; for backlash, the columns of all gaps."""
-        names = [self.columns.names[k] for k in at]
-        gaps = names[0].cause.startswith("backlash ")
-        return np.array(self.columns.gaps(names[0].axis)) if gaps else at
-
-    def _white(self, rest: Array, U: Array) -> float:
-        """Return the dispersion of white noise of residual `rest`, along orthonormal `U`."""
-        n = self.evidence.n_channels
-        square = np.bincount(self._channel, rest**2, n) / np.maximum(self._counts, 1.0)
-        square = np.maximum(square, self.evidence.finest**2 * self.weights)
-        return float(square[self._channel] @ (U**2).mean(axis=1))
 
     def _common_beside(self, axis: int, at: Indices, U: Array, enlarged: Array) -> Common:
         """Return the common dispersion of an axis's columns without `at`, adjusted for `U`."""

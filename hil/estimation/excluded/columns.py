@@ -250,8 +250,18 @@ def columns(robot: Robot, p: Array, evidence: Evidence, free: Sequence[str] = FI
         Base parameters for the torques.
     """
     rows = EvidenceRows(robot, p, evidence)
-    gears = _soft(rows) if "soft gears" in free else ()
-    return _gathered((*_columns(rows), *gears), evidence, free)
+    every: list[tuple[Column, Array]] = []
+    for axis in np.unique(evidence.axis).tolist():
+        every += columns_of(rows, axis)
+        every += _gap_columns(rows, axis, HALF_GAPS)
+    every += columns_of(rows, -1)
+    for axis in range(robot.n_joints if "soft gears" in free else 0):
+        moved = rows.twist(axis)
+        if moved.any():
+            # per 1 % of the twist
+            slope = (rows.partials(axis) * moved).sum(axis=0)
+            every.append((Column("soft gears", axis), -0.01 * slope))
+    return _gathered(every, evidence, free)
 
 
 def finer(robot: Robot, p: Array, evidence: Evidence, every: Columns, key: Key) -> Columns:
@@ -301,13 +311,6 @@ def across_gravity(robot: Robot) -> Array:
     return np.array([first, np.cross(down, first)])
 
 
-def _columns(rows: EvidenceRows) -> Iterator[tuple[Column, Array]]:
-    for axis in np.unique(rows.evidence.axis).tolist():
-        yield from columns_of(rows, axis)
-        yield from _gap_columns(rows, axis, HALF_GAPS)
-    yield from columns_of(rows, -1)
-
-
 def columns_of(rows: EvidenceRows, axis: int) -> Iterator[tuple[Column, Array]]:
     """Yield the columns of an axis, without those of backlash; -1 for the causes of all axes."""
     if axis < 0:
@@ -350,14 +353,6 @@ def _common_columns(rows: EvidenceRows) -> Iterator[tuple[Column, Array]]:
         for part, column in zip("xy", rows.turned().T, strict=True):
             yield Column("gravity", -1, part), np.pi / 180 * column
     yield from _load(rows)
-
-
-def _soft(rows: EvidenceRows) -> Iterator[tuple[Column, Array]]:
-    """Yield the column of each fitted compliance, per 1 % of the twist."""
-    for axis in range(rows.robot.n_joints):
-        moved = rows.twist(axis)
-        if moved.any():
-            yield Column("soft gears", axis), -0.01 * (rows.partials(axis) * moved).sum(axis=0)
 
 
 def _gap_columns(

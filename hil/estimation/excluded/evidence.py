@@ -27,7 +27,7 @@ from hil.model.base_parameters import base_parameters
 from hil.model.motors import motor_torque
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator, Sequence
+    from collections.abc import Sequence
 
     from hil.arrays import Array, Indices, Mask
     from hil.estimation.condensed import Stacked
@@ -224,12 +224,16 @@ def measured(
     rates : bool
         True to test for a change, which needs `Evidence.rate`.
     """
-    unasked = [
-        (s, [each])
-        for motion, s in prepared
-        for axis in set(range(robot.n_joints)) - set(motion.moved)
-        for each in _unasked(robot, s, axis)
-    ]
+    unasked = []
+    for motion, s in prepared:
+        for axis in set(range(robot.n_joints)) - set(motion.moved):
+            used = s.usable(robot, axis)
+            if used.sum() < FEWEST:
+                continue
+            motor = motor_torque(robot, s.q, s.qd, s.qdd)[:, [axis]]
+            torques = np.hstack([s.tau[:, [axis]] - motor, motor])
+            found = stack_axis(robot, s, axis, torques, used, list(groups(s)))
+            unasked += [(s, [each]) for each in found if each is not None]
     return rows_of(robot, solver.stacked, solver.loaded, unasked, rates=rates)
 
 
@@ -273,15 +277,6 @@ def rows_of(
     rounding = np.finfo(float).eps * (np.abs(evidence.recorded).max(initial=0.0) or 1.0)
     finest = np.maximum(FINEST * np.array(limits), rounding)
     return replace(evidence, finest=finest, signals=tuple(place))
-
-
-def _unasked(robot: Robot, s: Signals, axis: int) -> Iterator[Stacked]:
-    used = s.usable(robot, axis)
-    if used.sum() >= FEWEST:
-        motor = motor_torque(robot, s.q, s.qd, s.qdd)[:, [axis]]
-        torques = np.hstack([s.tau[:, [axis]] - motor, motor])
-        found = stack_axis(robot, s, axis, torques, used, list(groups(s)))
-        yield from (each for each in found if each is not None)
 
 
 def _part(

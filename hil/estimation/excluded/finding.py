@@ -250,6 +250,7 @@ class Step:
         ]
         (key, test, detail), *others = named
         largest = int(np.argmax(np.abs(test.size)))
+        # one battery at a time, since each holds all columns
         change, *other_changes = (self._change(key, test) for key, test, _ in named)
         return Found(
             cause=name_of(key),
@@ -401,12 +402,6 @@ class _Instead:
     def _stated(self) -> Explained:
         return self._explain(self.battery.columns.fitted)
 
-    @property
-    def _slipped(self) -> int:
-        """Axis whose slip explains most to first order."""
-        slips = [key for key in self.battery.columns.tests if key[0] == "slip"]
-        return max(slips, key=lambda key: self.first.drop(self.battery.columns.tests[key]))[1]
-
     def _explain(self, given: Sequence[int]) -> Explained:
         """Fit the stated reading with the given columns."""
         thin, values = self._thin
@@ -425,9 +420,13 @@ class _Instead:
 
     def _likeliest(self) -> Found | None:
         """Return the best reading and equally good readings, unless columns explain more."""
+        tests = self.battery.columns.tests
+        # the axis whose slip explains most to first order
+        slips = [key for key in tests if key[0] == "slip"]
+        slipped = max(slips, key=lambda key: self.first.drop(tests[key]))[1]
         every = [
             (self._gain(each.explained, int(not np.isnan(each.size))), each)
-            for each in alternatives(self._stated, self.first.sizes, self._slipped)
+            for each in alternatives(self._stated, self.first.sizes, slipped)
             if self._deviation is None or self._restores(self._deviation, each.explained)
         ]
         best = max((gain for gain, _ in every), default=-np.inf)

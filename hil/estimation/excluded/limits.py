@@ -49,7 +49,12 @@ def limits(
     found = [
         limit_of(robot, battery, key, part, size, each)
         for key, at in every.tests.items()
-        if key[0] not in every.free and not _is_fitted(battery, key)
+        if key[0] not in every.free
+        # friction of the load that is fitted anyway shows no cause
+        and not (
+            key[0] == "friction of the load"
+            and battery.evidence.own[battery.evidence.axis == key[1], LOAD:].any()
+        )
         for part, size, each in _sizes(battery, key, at, torque, n_tests, leaves)
     ]
     hardest: dict[tuple[str, int, str], Limit] = {}  # size of torque ripple over all orders
@@ -93,12 +98,6 @@ def _true_size(robot: Robot, battery: Battery, key: Key, size: float) -> float:
         size = size / (1.0 - size / 100.0) if size < 100.0 else np.inf
         largest /= 1.0 + largest / 100.0
     return size if size <= largest else np.inf
-
-
-def _is_fitted(battery: Battery, key: Key) -> bool:
-    """Return True if the fitted friction of the load of an axis shows the cause."""
-    e = battery.evidence
-    return key[0] == "friction of the load" and bool(e.own[e.axis == key[1], LOAD:].any())
 
 
 def _hard(limit: Limit) -> float:

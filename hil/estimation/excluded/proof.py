@@ -74,6 +74,7 @@ def proved(
     if limit is None:
         large = [each for each in found.found if each.left <= leaves]
         return found.model_copy(update={"found": tuple(large)})
+    # a torque at its limit follows no model, and any other cause may only describe this
     axis, share, top = limit
     words = f"{share:.0%} of its samples have the same maximum torque, {top:.3g}"
     first = Found(
@@ -123,6 +124,7 @@ def changed(
     if shown.all() or not shown.any():
         return None
     found = excluded(robot, p, replace(evidence, later=shown), known=known, both=both)
+    # each cause once, as first found
     named = {(each.cause, each.axes): each for each in reversed(found.found)}
     causes = [each for each in found.found if named.get((each.cause, each.axes)) is each]
     return found.model_copy(update={"found": tuple(causes)})

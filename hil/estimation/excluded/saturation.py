@@ -10,7 +10,7 @@ from hil.runs.recording import active_samples
 
 if TYPE_CHECKING:
     from hil.arrays import Array
-    from hil.runs.recording import Recorded, Recording
+    from hil.runs.recording import Recorded
 
 
 LEVEL = 0.01
@@ -29,7 +29,8 @@ def saturated(recorded: Recorded, n_joints: int) -> tuple[int, float, float] | N
     """
     sizes: list[list[Array]] = [[] for _ in range(n_joints)]
     for motion, recording in recorded:
-        size = np.abs(_moving_torques(recording))
+        moving = active_samples(recording.stroke, recording.group)
+        size = np.abs(recording.tau[moving & np.isfinite(recording.tau).all(axis=1)])
         for axis in motion.moved:
             sizes[axis].append(size[:, axis])
     found = {}
@@ -41,11 +42,6 @@ def saturated(recorded: Recorded, n_joints: int) -> tuple[int, float, float] | N
         return None
     axis = max(found, key=lambda each: found[each][0])
     return axis, *found[axis]
-
-
-def _moving_torques(recording: Recording) -> Array:
-    moving = active_samples(recording.stroke, recording.group)
-    return recording.tau[moving & np.isfinite(recording.tau).all(axis=1)]
 
 
 def share_at_top(size: Array) -> float:

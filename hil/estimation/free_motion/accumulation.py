@@ -307,6 +307,7 @@ def _crossed(
     soft: tuple[int, ...],
 ) -> Array:
     """Return products of the two halves of the samples, shape (n_parts, n_joints, m, m)."""
+    # a function, so that the halves are freed before the next motion
     both = (motion.half(half) for half in (1, 2))
     axes = (every_axis(robot, each, first, motion.tau, terms, soft) for each in both)
     found = [[Z[part].T @ W[part] for part in parts] for W, Z in zip(*axes, strict=True)]

@@ -28,7 +28,6 @@ if TYPE_CHECKING:
     from hil.estimation.free_motion.choice import Choice
     from hil.estimation.free_motion.motion import Motion
     from hil.estimation.free_motion.scaling import Scaling
-    from hil.least_squares.normal_equations import Normal
     from hil.model.robot import Robot
 
 
@@ -61,7 +60,11 @@ def bias_test(
     plain = choice.regression(products.pieces[0])
     crossed = plain.transfer(products.instruments)
     difference = (crossed.solution - plain.solution)[:n]
-    of_plain, of_crossed = (_influence(each.normal)[:, :n] for each in (plain, crossed))
+    # change of the solution by every block, shape (n_blocks, n)
+    of_plain, of_crossed = (
+        solved(each.information, each.scores(each.solution()).T).T[:, :n]
+        for each in (plain.normal, crossed.normal)
+    )
     scatter = np.sqrt(np.maximum(((of_crossed - of_plain) ** 2).sum(axis=0) * m / (m - 1), tiny))
     t = float(np.max(np.abs(difference) / scatter))
     error = np.sqrt(np.maximum((of_plain**2).sum(axis=0), tiny))
@@ -70,8 +73,3 @@ def bias_test(
         p_value=min(1.0, 2.0 * n * float(special.stdtr(m - 1, -t))),
         shift=float(np.max(np.abs(difference) / error)),
     )
-
-
-def _influence(system: Normal) -> Array:
-    """Return the change of the solution by every block, shape (n_blocks, n)."""
-    return solved(system.information, system.scores(system.solution()).T).T

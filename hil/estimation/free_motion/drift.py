@@ -134,6 +134,7 @@ def find_drift(products: Products, choice: Choice, duration: float) -> Drift:
         return Drift.none(n)
     fitted = choice.fitted(products)
     own = fitted.solution[len(fitted.layout.shared) :].reshape(n, -1)
+    # d_k scales the friction F of constant level, so that the problem is linear in d_k
     friction = np.where(changes, own, 0.0)
     shared = np.zeros((len(fitted.layout.shared), n))
     changing = np.vstack([shared, block_diag(*friction[:, :, np.newaxis])])[fitted.kept]

@@ -93,7 +93,9 @@ def low_passed(
     tuple of ndarray, shape (ceil(n / every), k)
         The filtered columns, then the derivatives with respect to time.
     """
-    n, pad = len(x), _padding(len(x), period, cut_off, every)
+    n = len(x)
+    # samples added at either end, a multiple of `every`
+    pad = every * (min(2 * reach(period, cut_off), n - 1) // every)
     whole = every * fft.next_fast_len(-(-(n + 2 * pad) // every), real=True)
     # constant columns need no filter
     changes = np.flatnonzero(changing(x))
@@ -134,11 +136,6 @@ def _response(whole: int, kept: int, period: float, cut_off: float) -> tuple[Arr
 def reach(period: float, cut_off: float) -> int:
     """Return the number of samples affected by a disturbance in one filter pass."""
     return int(np.ceil(REACH / (cut_off * period)))
-
-
-def _padding(n: int, period: float, cut_off: float, every: int) -> int:
-    """Return the number of samples added at either end, a multiple of `every`."""
-    return every * (min(2 * reach(period, cut_off), n - 1) // every)
 
 
 def _continued(x: Array, columns: Indices, pad: int, whole: int) -> Array:

@@ -113,7 +113,10 @@ def find_nuisances(
     # a period of the equation's cut-off frequency Gauss-Newton may converge to a wrong period
     most = min(0.03, 0.5 / processing.band)
     first = plain.solution[: len(first)]
-    times = _times(processing.band, most)
+    # shifts of the condensed torque per period of the cut-off frequency: six shifts interpolate the
+    # torque at that frequency within 1e-4
+    n = int(np.ceil(most * 8.0 * processing.band))
+    times = np.arange(-n - AROUND, n + AROUND + 1) * most / n
     gears = tuple(range(robot.n_joints)) if "compliance" in wanted else ()
     whole, fast = (
         Search(each, times, (-most, most), DISTANCES)
@@ -213,11 +216,3 @@ def _condensed(
         each.grouped(GROUPS) for each in Groups.joined(found).speed_classes(shared, own)
     )
     return of_all, of_fast
-
-
-def _times(band: float, most: float) -> Array:
-    """Return the time shifts of the condensed torque [s]."""
-    # shifts per period of the cut-off frequency: six shifts interpolate the torque at that
-    # frequency within 1e-4
-    n = int(np.ceil(most * 8.0 * band))
-    return np.arange(-n - AROUND, n + AROUND + 1) * most / n

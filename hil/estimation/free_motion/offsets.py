@@ -58,33 +58,25 @@ def enlarge_covariance(
         Axes with an unusual offset, from 0.
     """
     unusual, n_shared = [], len(layout.shared)
+    half, still = np.array([0.5, -0.5]), np.zeros(2)
+    columns = friction_columns(half, Direction(np.sign(half), still), still, still, still)
     for axis in range(layout.n_channels):
         place = layout.index("offset", axis)
-        s = ASYMMETRY * _friction(x[layout.place(axis)[n_shared:]])
+        # friction at half the axis's speed, without offset and load
+        forward, back = columns @ x[layout.place(axis)[n_shared:]]
+        s = ASYMMETRY * (abs(float(forward - back)) / 2)
         more = float(x[place] ** 2 - s**2 - V[place, place])
+        if more <= 0.0 or V[place, place] <= 0:
+            continue
         # smallest relevant share of base parameters in an offset's variance: without this share the
         # standard error would be a third, sqrt(1 - 0.9)
-        if more > 0.0 and _shared(V, place, n_shared) >= 0.9:
+        across = V[:n_shared, place]
+        explained = float(across @ solved(V[:n_shared, :n_shared], across))
+        if explained / float(V[place, place]) >= 0.9:
             way = metric[:, place] / metric[place, place]
             V = V + more * np.outer(way, way)
             unusual.append(axis)
     return V, unusual
-
-
-def _shared(V: Array, place: int, n_shared: int) -> float:
-    """Return the share of an unknown's variance explained by the shared unknowns."""
-    if V[place, place] <= 0:
-        return 0.0
-    across = V[:n_shared, place]
-    return float(across @ solved(V[:n_shared, :n_shared], across)) / float(V[place, place])
-
-
-def _friction(terms: Array) -> float:
-    """Return the friction of an axis at half its speed, without offset and load."""
-    half, still = np.array([0.5, -0.5]), np.zeros(2)
-    columns = friction_columns(half, Direction(np.sign(half), still), still, still, still)
-    forward, back = columns @ terms
-    return abs(float(forward - back)) / 2
 
 
 def only_directions(moving: Blocks) -> dict[int, int]:

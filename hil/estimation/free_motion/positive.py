@@ -75,10 +75,18 @@ def nearest_positive(robot: Robot, x: Array, V: Array, q: Array) -> Array:
             break
         for k in worst[np.argsort(values[worst, 0])][:5]:
             u = vectors[k, :, 0] / size
-            rows.append(_energy(robot, q[k], u))
+            # u'M(q)u per unit of the base parameters
+            still = np.zeros_like(u)
+            at_rest = regressor(robot, q[k], still, still)
+            rows.append(u @ (regressor(robot, q[k], still, u) - at_rest))
             bounds.append(2 * LEAST - float(u @ motor_inertia(robot, q[k]) @ u))
         C = np.pad(np.array(rows), [(0, 0), (0, len(x) - n_base)])
-        found = x + V @ C.T @ _multipliers(C @ V @ C.T, np.array(bounds) - C @ x)
+        # non-negative multipliers l that minimise l'S l / 2 - l'(bounds - C x), with S = C V C'
+        values, vectors = np.linalg.eigh(C @ V @ C.T)
+        kept = values > 1e-12 * values.max()
+        root = vectors[:, kept] * np.sqrt(values[kept])
+        side = (vectors[:, kept] / np.sqrt(values[kept])).T @ (np.array(bounds) - C @ x)
+        found = x + V @ C.T @ nnls(root.T, side)[0]
     return found
 
 
@@ -88,17 +96,3 @@ def _scaled(robot: Robot, p: Array, q: Array) -> tuple[Array, Array]:
     own = np.abs(np.einsum("njj->nj", M)).mean(axis=0)
     size = np.sqrt(np.maximum(own, 1e-300))
     return M / np.outer(size, size), size
-
-
-def _energy(robot: Robot, q: Array, u: Array) -> Array:
-    """Return u'M(q)u per unit of the base parameters, shape (n_base,)."""
-    still = np.zeros_like(q)
-    return u @ (regressor(robot, q, still, u) - regressor(robot, q, still, still))
-
-
-def _multipliers(S: Array, short: Array) -> Array:
-    """Return the non-negative l minimising l'S l / 2 - l'short."""
-    values, vectors = np.linalg.eigh(S)
-    kept = values > 1e-12 * values.max()
-    root = vectors[:, kept] * np.sqrt(values[kept])
-    return nnls(root.T, (vectors[:, kept] / np.sqrt(values[kept])).T @ short)[0]

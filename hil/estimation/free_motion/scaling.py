@@ -55,7 +55,7 @@ from hil.least_squares.solving import IDENTIFIABLE, undetermined
 from hil.model.base_parameters import base_parameters
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping, Sequence
+    from collections.abc import Callable, Mapping, Sequence
 
     from hil.arrays import Array
     from hil.estimation.free_motion.choice import Choice
@@ -169,7 +169,8 @@ def first_scaling(
     if p is not None:
         return _fit_gains(recorded, unknown, p)
     require_scale(robot, recorded, unknown)
-    usual_gains = _usual_gains(recorded, unknown)
+    axes, usual_gains = list(unknown), np.ones(recorded.n_channels)
+    usual_gains[axes] = np.sqrt(_usual_torque(recorded, unknown) / _mean_squares(recorded)[axes, 0])
     starts = usual_gains, _solve_linear_problem(recorded, unknown, usual_gains)
     found = [_converged(recorded, unknown, gains) for gains in starts]
     # smaller differences are rounding errors, and the first start is used
@@ -179,11 +180,8 @@ def first_scaling(
 def _converged(recorded: Blocks, unknown: tuple[int, ...], gains: Array) -> tuple[Scaling, float]:
     """Iterate gains from a start; return the logarithm of the misfit as well."""
     known = usual(Scaling.known(gains).applied(recorded))
-    scaling = Scaling(gains, unknown, known.solution)
-    for _ in range(ROUNDS):
-        scaling, change = _step(scaling, usual(scaling.applied(recorded)))
-        if change < CONVERGED**0.5:
-            break
+    first = Scaling(gains, unknown, known.solution)
+    scaling = _iterate(first, lambda here: usual(here.applied(recorded)), CONVERGED**0.5)
     left = Scaling.known(scaling.gains).applied(recorded).mean_squares(scaling.x)
     misfit = np.log(np.maximum(left / scaling.gains**2, _TINY))
     return scaling, float(recorded.counts.sum(axis=0) @ misfit)
@@ -228,31 +226,25 @@ def refined(recorded: Products, scaling: Scaling, choice: Choice) -> Scaling:
 
     Weights refer to torques in SI, and are constant while the gains change.
     """
-    if not scaling.unknown:
-        return scaling
     whole = recorded.pieces[choice.slowest].total
-    for _ in range(ROUNDS):
-        scaling, change = _step(scaling, choice.regression(scaling.applied(whole)))
-        if change < CONVERGED:
+    return _iterate(scaling, lambda here: choice.regression(here.applied(whole)))
+
+
+def _iterate(
+    scaling: Scaling, linearised: Callable[[Scaling], Regression], least: float = CONVERGED
+) -> Scaling:
+    """Take Gauss-Newton steps until no gain's logarithm changes by `least`."""
+    for _ in range(ROUNDS if scaling.unknown else 0):
+        here = linearised(scaling)
+        x, layout, gains = here.solution, here.layout, scaling.gains.copy()
+        places = [layout.index(gain_name(axis)) for axis in scaling.unknown]
+        # far from the solution the linear step overshoots
+        change = np.clip(x[places], -STRIDE, STRIDE)
+        gains[list(scaling.unknown)] *= np.exp(change)
+        scaling = Scaling(gains, scaling.unknown, np.delete(x, places))
+        if np.abs(change).max() < least:
             break
     return scaling
-
-
-def _step(scaling: Scaling, linearised: Regression) -> tuple[Scaling, float]:
-    """Compute a Gauss-Newton step, and the largest change of a gain's logarithm."""
-    x, layout = linearised.solution, linearised.layout
-    places = [layout.index(gain_name(axis)) for axis in scaling.unknown]
-    change = np.clip(x[places], -STRIDE, STRIDE)
-    gains = scaling.gains.copy()
-    gains[list(scaling.unknown)] *= np.exp(change)
-    return Scaling(gains, scaling.unknown, np.delete(x, places)), float(np.abs(change).max())
-
-
-def _usual_gains(recorded: Blocks, unknown: tuple[int, ...]) -> Array:
-    """Return gains with torques of usual size, shape (n_joints,)."""
-    axes, gains = list(unknown), np.ones(recorded.n_channels)
-    gains[axes] = np.sqrt(_usual_torque(recorded, unknown) / _mean_squares(recorded)[axes, 0])
-    return gains
 
 
 def _solve_linear_problem(recorded: Blocks, unknown: tuple[int, ...], usual_gains: Array) -> Array:
@@ -317,28 +309,28 @@ def open_gains(recorded: Blocks, unknown: tuple[int, ...]) -> list[int]:
 
 
 def _open(recorded: Blocks, unknown: tuple[int, ...]) -> set[str]:
-    """Return the names of gains and shared unknowns with an undetermined scale.
-
-    One random draw may miss an affected parameter; two hardly do.
-    """
-    return set().union(*(_open_at(recorded, unknown, seed) for seed in range(2)))
-
-
-def _open_at(recorded: Blocks, unknown: tuple[int, ...], seed: int) -> set[str]:
-    n, x = recorded.n_channels, _any_solution(recorded, unknown, seed)
-    rows = np.stack([modelled(recorded.layout, x, axis) for axis in range(n)])
-    size = np.einsum("ja,bjac,jc->j", rows, recorded.products, rows)
-    blocks = Scaling(np.ones(n), unknown, x).applied(recorded)
-    kept = kept_by(blocks.layout, [USUAL] * n)
-    # ignore axes without torque, or with a torque at the level of rounding
-    heard = size > max(np.finfo(float).eps ** 2 * size.max(), _TINY)
-    weights = np.where(heard, 1.0 / np.where(heard, size, 1.0), 0.0)
-    N = Regression(blocks, weights, kept).normal.information
-    names, gains = np.array(blocks.layout.names)[kept], [gain_name(axis) for axis in unknown]
-    linear = np.flatnonzero(~np.isin(names, gains))
-    lost = undetermined(N, IDENTIFIABLE)
-    lost[linear] &= ~undetermined(N[np.ix_(linear, linear)], IDENTIFIABLE)
-    return set(names[lost].tolist())
+    """Return the names of gains and shared unknowns with an undetermined scale."""
+    found, n, gains = set[str](), recorded.n_channels, [gain_name(axis) for axis in unknown]
+    # one random draw may miss an affected parameter; two hardly do
+    for seed in range(2):
+        x = _any_solution(recorded, unknown, seed)
+        rows = np.stack([modelled(recorded.layout, x, axis) for axis in range(n)])
+        size = np.einsum("ja,bjac,jc->j", rows, recorded.products, rows)
+        blocks = Scaling(np.ones(n), unknown, x).applied(recorded)
+        kept = kept_by(blocks.layout, [USUAL] * n)
+        # ignore axes without torque, or with a torque at the level of rounding
+        heard = size > max(np.finfo(float).eps ** 2 * size.max(), _TINY)
+        weights = np.where(heard, 1.0 / np.where(heard, size, 1.0), 0.0)
+        N, names = (
+            Regression(blocks, weights, kept).normal.information,
+            np.array(blocks.layout.names),
+        )
+        # what is undetermined without gains too is not open by the scale
+        linear = np.flatnonzero(~np.isin(names[kept], gains))
+        lost = undetermined(N, IDENTIFIABLE)
+        lost[linear] &= ~undetermined(N[np.ix_(linear, linear)], IDENTIFIABLE)
+        found |= set(names[kept][lost].tolist())
+    return found
 
 
 def _any_solution(recorded: Blocks, unknown: tuple[int, ...], seed: int) -> Array:

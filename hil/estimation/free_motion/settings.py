@@ -179,7 +179,9 @@ def velocity_sources(stretches: Sequence[Recording], cut_off: float) -> tuple[Ve
         Cut-off frequency of the low-pass of velocities [Hz].
     """
     n = stretches[0].n_joints
-    present = np.all([_recorded(part) for part in stretches], axis=0)
+    present = np.ones(n, dtype=bool)
+    for part in stretches:
+        present &= False if part.qd is None else np.isfinite(part.qd).all(axis=0)
     figures = np.full((len(stretches), 3, n), np.nan)
     for row, part in zip(figures, stretches, strict=True):
         row[:, present] = _figures(part, present, cut_off)
@@ -189,12 +191,6 @@ def velocity_sources(stretches: Sequence[Recording], cut_off: float) -> tuple[Ve
         else VelocitySource(recorded=False, reason="none was recorded")
         for axis in range(n)
     )
-
-
-def _recorded(part: Recording) -> Mask:
-    if part.qd is None:
-        return np.zeros(part.n_joints, dtype=bool)
-    return np.asarray(np.isfinite(part.qd).all(axis=0))
 
 
 def _figures(part: Recording, axes: Mask, cut_off: float) -> Array:
@@ -213,15 +209,14 @@ def _figures(part: Recording, axes: Mask, cut_off: float) -> Array:
     moves = size > 0
     with np.errstate(divide="ignore", invalid="ignore"):
         different = np.sqrt(np.sum((v - recorded) ** 2, axis=0)) / size
-        lag = np.array([_lag(*each) for each in zip(v.T, a.T, recorded.T, strict=True)])
+        # recorded = scale (v - lag a), by least squares for any scale
+        fits = [
+            np.linalg.lstsq(np.stack([own, rate], axis=1), of, rcond=None)[0]
+            for own, rate, of in zip(v.T, a.T, recorded.T, strict=True)
+        ]
+        lag = np.array([-shift / scale if abs(scale) > SAME else 0.0 for scale, shift in fits])
         noise = np.sqrt(_noise(qd, period, cut_off, 0) / _noise(q, period, cut_off, 1))
     return np.where(moves, np.stack([different, lag, noise]), np.nan)
-
-
-def _lag(v: Array, a: Array, recorded: Array) -> float:
-    """Return the lag of a recorded velocity [s] for any scale; 0 if undetermined."""
-    scale, shift = np.linalg.lstsq(np.stack([v, a], axis=1), recorded, rcond=None)[0]
-    return float(-shift / scale) if abs(scale) > SAME else 0.0
 
 
 def _noise(x: Array, period: float, cut_off: float, derivatives: int) -> Array:

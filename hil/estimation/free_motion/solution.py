@@ -214,7 +214,12 @@ def require_determined(robot: Robot, pieces: Regression) -> None:
     lost = _open(N, len(base))
     if not lost:
         return
-    rotors = {column: axis for axis, column in _rotors(robot).items() if column in lost}
+    # base parameters equal to an unknown rotor inertia of a slide, by column
+    slides = np.flatnonzero(~robot.revolute).tolist()
+    own = {name: k for k, name in enumerate(base.expressions)}
+    rotors = {
+        own[name]: axis for axis in slides if (name := f"Ia{axis + 1}") in own and own[name] in lost
+    }
     rest = [k for k in range(len(N)) if k not in rotors]
     still = [rest[k] for k in _open(N[np.ix_(rest, rest)], len(base) - len(rotors))]
     reasons = [_explain_slide(base, lost, axis, column) for column, axis in rotors.items()]
@@ -233,13 +238,6 @@ def require_determined(robot: Robot, pieces: Regression) -> None:
 def _open(N: Array, n: int) -> list[int]:
     """Return the unknowns among the first `n` that the normal equations do not determine."""
     return np.flatnonzero((undetermined(N) | (np.diag(N) == 0))[:n]).tolist()
-
-
-def _rotors(robot: Robot) -> dict[int, int]:
-    """Return base parameters equal to an unknown rotor inertia of a slide, by axis from 0."""
-    expressions = base_parameters(robot).expressions
-    stated = ((axis, f"Ia{axis + 1}") for axis in np.flatnonzero(~robot.revolute).tolist())
-    return {axis: expressions.index(name) for axis, name in stated if name in expressions}
 
 
 def _listed(base: BaseParameters, columns: Sequence[int]) -> str:

@@ -48,7 +48,7 @@ class Survey:
         Total duration [s].
     longest : float
         Duration of the longest recording [s].
-    n_recordings, n_samples : int
+    n_recordings : int
     cut_off : float or None
         Lowest cut-off stated by the recordings [Hz].
     too_short : tuple of str
@@ -63,7 +63,6 @@ class Survey:
     duration: float
     longest: float
     n_recordings: int
-    n_samples: int
     cut_off: float | None
     too_short: tuple[str, ...]
     unknown_gains: tuple[int, ...] = ()
@@ -83,15 +82,12 @@ class _Stretches:
             return
         self.kept.append(_middle(recording, self._length))
         while len(self.kept) > 1 and sum(map(_duration, self.kept)) > STRETCHES:
-            self._shorten()
-
-    def _shorten(self) -> None:
-        if self._length > self._least:
-            self._length = max(self._length / 2, self._least)
-            self.kept = [_middle(each, self._length) for each in self.kept]
-        else:
-            self._every *= 2
-            self.kept = self.kept[::2]
+            if self._length > self._least:
+                self._length = max(self._length / 2, self._least)
+                self.kept = [_middle(each, self._length) for each in self.kept]
+            else:
+                self._every *= 2
+                self.kept = self.kept[::2]
 
 
 def survey(
@@ -114,7 +110,7 @@ def survey(
     """
     unknown: dict[str, tuple[int, ...]] = {}
     stretches, speeds, extents, stated, short = _Stretches(least_stretch), [], [], [], []
-    duration, longest, n_samples = 0.0, 0.0, 0
+    duration, longest = 0.0, 0.0
     for motion, recording in recorded:
         unknown[motion.id] = motion.unknown_gains or ()
         if recording.n_samples < FEWEST:
@@ -122,7 +118,6 @@ def survey(
             continue
         duration += _duration(recording)
         longest = max(longest, _duration(recording))
-        n_samples += recording.n_samples
         stretches.add(recording)
         speeds.append(greatest_speed(recording))
         extents.append(extent(recording.q, recording.period))
@@ -139,7 +134,6 @@ def survey(
         duration=duration,
         longest=longest,
         n_recordings=len(speeds),
-        n_samples=n_samples,
         cut_off=min(stated, default=None),
         too_short=tuple(short),
         unknown_gains=_alike(unknown),

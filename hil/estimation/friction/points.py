@@ -144,11 +144,16 @@ def point(
     torque = s.tau[:, i] - gravity
     middle = float(np.mean([s.q[w, i].mean() for w in windows]))
     means = np.array([_mean_at(s.q[w, i] - middle, torque[w]) for w in windows])
-    noise = np.array([_white_noise(torque[w]) / np.sqrt(w.sum()) for w in windows])
+    # differences of successive samples are free of slow changes
+    white = [np.sqrt(np.mean(np.diff(torque[w]) ** 2) / 2) for w in windows]
+    noise = np.array(
+        [float(each) / np.sqrt(w.sum()) for each, w in zip(white, windows, strict=True)]
+    )
     when = np.array([s.time[w].mean() for w in windows])
     value, covariance = _level(means, noise, when)
     used = np.any(windows, axis=0)
-    row = _gravity_row(robot, s, i, used)
+    still = np.zeros_like(s.q[used])
+    row = regressor(robot, s.q[used], still, still, joints=[i])[:, 0].mean(axis=0)
     uncertain = float(row @ model.covariance @ row) if model else 0.0
     return FrictionPoint(
         id=m.id,
@@ -205,11 +210,6 @@ def _mean_at(away: Array, torque: Array) -> float:
     return float(torque.mean()) - slope * mean
 
 
-def _white_noise(values: Array) -> float:
-    """Estimate white noise from the differences of successive samples, free of slow changes."""
-    return float(np.sqrt(np.mean(np.diff(values) ** 2) / 2))
-
-
 def _level(means: Array, noise: Array, when: Array) -> tuple[Array, Array]:
     """Fit common part, friction and (from four strokes) drift; return values and covariance.
 
@@ -229,11 +229,3 @@ def _level(means: Array, noise: Array, when: Array) -> tuple[Array, Array]:
     if spare:
         covariance *= max(1.0, float(np.sum((y - X @ value) ** 2)) / spare)
     return value, covariance
-
-
-def _gravity_row(robot: Robot, s: Signals, axis: int, used: Mask) -> Array:
-    """Return the mean gravity torque per unit of the base parameters, over the samples used."""
-    q = s.q[used]
-    still = np.zeros_like(q)
-    row: Array = regressor(robot, q, still, still, joints=[axis])[:, 0].mean(axis=0)
-    return row

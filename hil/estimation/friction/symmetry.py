@@ -114,6 +114,7 @@ def judge_local_values(values: Iterable[LocalValue], bound: float = BOUND) -> di
 
 def _test(shares: Array, errors: Array, common: float, bound: float) -> Symmetry:
     """Test the weighted mean against zero and against the bound."""
+    # a few points with small errors must not decide the mean
     weights = 1.0 / np.maximum(errors, float(np.median(errors))) ** 2
     weights = weights / weights.sum()
     mean, degrees = float(weights @ shares), len(shares) - 1

@@ -209,18 +209,15 @@ class JointRuns:
         found = self.whole.uncertainty(covariance, of_states)
         V = found.covariance
         scattered = embedded(np.diag(V), self._kept, n)
-        V = embedded(V, self._kept, n) + self._drive_covariance() + self._beside
-        # stated errors have infinite degrees of freedom, scatter has few
-        ratio = np.divide(np.diag(V), scattered, out=np.ones(n), where=scattered > 0)
-        return V, embedded(found.degrees_of_freedom, self._kept, n) * ratio**2
-
-    def _drive_covariance(self) -> Array:
-        """Compute the covariance due to stated errors of torque constants and rotor inertias."""
+        # stated errors of torque constants and rotor inertias show in no scatter
         stated = self.robot.stated_uncertainty.copy()
         stated[self.axes] = 0.0
         torques = (self._regression(self._joined(self._totals, each)) for each in ("", ROTOR))
         effect = stated * np.hstack([self.whole.moved(each.blocks) for each in torques])
-        return effect @ effect.T
+        V = embedded(V, self._kept, n) + effect @ effect.T + self._beside
+        # stated errors have infinite degrees of freedom, scatter has few
+        ratio = np.divide(np.diag(V), scattered, out=np.ones(n), where=scattered > 0)
+        return V, embedded(found.degrees_of_freedom, self._kept, n) * ratio**2
 
     @property
     def n_groups(self) -> int:

@@ -34,7 +34,8 @@ def excluded(
     """Return the smallest detectable sizes of causes, axis by axis."""
     resting = sorted({each.axis for each in proof.limits if not each.testable})
     untested = [f"{UNTESTED}: {untestable(resting, source)}"] if resting else []
-    axes = _columns(proof, n_joints)
+    # the column of the arm, 0, only for causes that concern no axis
+    axes = range(0 if any(not each.axis for each in proof.limits) else 1, n_joints + 1)
     heads = (f"axis {axis}" if axis else "arm" for axis in axes)
     return table(
         title,
@@ -72,11 +73,6 @@ def change_by_cause(
     nothing = f"no lasting cause of a difference from {before} found{besides}"
     title = "Changes that these recordings would show"
     return excluded(proof, n_joints, title), *(said or [nothing])
-
-
-def _columns(proof: Excluded, n_joints: int) -> range:
-    """Return the axes of the columns; 0, for the arm, only if a cause concerns no axis."""
-    return range(0 if any(not each.axis for each in proof.limits) else 1, n_joints + 1)
 
 
 def _rows(proof: Excluded, axes: Sequence[int]) -> Iterator[Row]:

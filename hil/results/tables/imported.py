@@ -57,7 +57,10 @@ def _axis(robot: Robot, axis: int, law: AxisLaw) -> Row:
         levels = ", ".join(significant(100 * each, 3) for each in law.level)
         named.append(f"level {levels} %")
     plain = ", ".join(written(*each) for each in law.plain.items())
-    return str(axis + 1), law.law, ", ".join(named), plain, _others(law)
+    # the three best alternatives to the law, with their errors
+    errors = sorted((error, name) for name, error in law.held_out.items() if name != law.law)
+    best = ", ".join(f"{name} {significant(error, 4)}" for error, name in errors[:3])
+    return str(axis + 1), law.law, ", ".join(named), plain, best
 
 
 def _coefficient(law: AxisLaw, unit: str, position: str, term: str, value: TermValue) -> str:
@@ -65,12 +68,6 @@ def _coefficient(law: AxisLaw, unit: str, position: str, term: str, value: TermV
     shown, error = uncertain(scale * value.value, scale * value.standard_error)
     unit = f"{unit} s/{position}" if term == "viscous" else "" if term == "load" else unit
     return f"{term} {shown} ± {error} {unit}".rstrip()
-
-
-def _others(law: AxisLaw, most: int = 3) -> str:
-    """Return the best alternatives to a law, with their errors."""
-    others = sorted((error, name) for name, error in law.held_out.items() if name != law.law)
-    return ", ".join(f"{name} {significant(error, 4)}" for error, name in others[:most])
 
 
 def _coupled(each: CoupledFriction) -> Row:

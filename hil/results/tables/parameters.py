@@ -40,9 +40,15 @@ def parameters(model: IdentifiedRobot, *, in_full: bool = False) -> Table:
 
     The full table, for pages, has the ends of the intervals, and their degrees of freedom.
     """
-    base = base_parameters(model.robot)
+    base, origin, condition = base_parameters(model.robot), model.provenance, model.condition
+    measured = count(origin.measurements, "measurement")
+
+    def conditioned(title: str, group: str) -> str:
+        number = f", condition number {condition[group]:.3g}" if group in condition else ""
+        return f"{title}{number}"
+
     return table(
-        _title(model),
+        conditioned(f"{model.robot.name}: {measured}, {origin.method} method", "all"),
         (
             *NAMED,
             *figures("value", "std. error", *(IN_FULL if in_full else ("± 95 %",)), "error, %"),
@@ -52,7 +58,7 @@ def parameters(model: IdentifiedRobot, *, in_full: bool = False) -> Table:
         (
             Part(
                 tuple(_parameter(model, k, in_full) for k in members),
-                _group(group, model.condition),
+                conditioned(group.replace("_", "-"), group),
             )
             for group, members in base.groups.items()
             if members
@@ -60,18 +66,6 @@ def parameters(model: IdentifiedRobot, *, in_full: bool = False) -> Table:
         EXPLANATION if in_full else "",
         () if model.prior is None else (str(model.prior),),
     )
-
-
-def _title(model: IdentifiedRobot) -> str:
-    origin, condition = model.provenance, model.condition.get("all")
-    measured = count(origin.measurements, "measurement")
-    title = f"{model.robot.name}: {measured}, {origin.method} method"
-    return title if condition is None else f"{title}, condition number {condition:.3g}"
-
-
-def _group(group: str, condition: dict[str, float]) -> str:
-    name = group.replace("_", "-")
-    return f"{name}, condition number {condition[group]:.3g}" if group in condition else name
 
 
 def _parameter(model: IdentifiedRobot, k: int, in_full: bool) -> Row:
@@ -82,10 +76,11 @@ def _parameter(model: IdentifiedRobot, k: int, in_full: bool) -> Row:
         return (*named, NOT_IDENTIFIED, *empty, unit(base.units[k]), base.expressions[k])
     value, error = float(model.values[k]), float(model.standard_errors[k])
     low, high = (float(end) for end in model.interval()[k])
-    total = model.details.sum_of(base.names[k])
+    total, name = model.details.sum_of(base.names[k]), base.names[k]
+    prior = " (prior)" if model.prior and name in model.prior.replaced else ""
     ends = f"{rounded(low, error)} … {rounded(high, error)}", f"{model.degrees_of_freedom[k]:.1f}"
     return (
-        f"{base.names[k]} + …" if total else f"{base.names[k]}{_prior_mark(model, base.names[k])}",
+        f"{name} + …" if total else f"{name}{prior}",
         base.meanings[k],
         *uncertain(value, error),
         *(ends if in_full else (rounded((high - low) / 2, error),)),
@@ -93,11 +88,6 @@ def _parameter(model: IdentifiedRobot, k: int, in_full: bool) -> Row:
         unit(base.units[k]),
         total or base.expressions[k],
     )
-
-
-def _prior_mark(model: IdentifiedRobot, name: str) -> str:
-    """Return a mark for parameters from the prior instead of recordings."""
-    return " (prior)" if model.prior and name in model.prior.replaced else ""
 
 
 def methods(model: IdentifiedRobot, check: IdentifiedRobot) -> Table:

@@ -11,7 +11,6 @@ from hil.estimation.identify import estimate
 from hil.estimation.local_fits import local_fit
 from hil.estimation.signals import signals
 from hil.estimation.two_step import TwoStep
-from hil.estimation.two_step_methods import TWO_STEP_METHODS, estimates
 from hil.model.base_parameters import base_parameters
 from hil.model.dynamics import gravity_torque, inverse_dynamics, mass_matrix
 from hil.model.robot import Robot, parse_robot
@@ -20,6 +19,7 @@ from hil.planning.measurement import Coupling, Gravity, Inertia
 from hil.planning.strokes import Partner
 
 COUNTS = {"gravity": 16, "inertia": 30, "coupling": 3}
+TWO_STEP_METHODS = "improved", "published"
 NOISE = 0.0025
 """Standard deviation of a sample, as share of the torque limit."""
 
@@ -156,9 +156,9 @@ class TestExactness:
 
     def test_a_constant_offset_disturbs_the_published_method_only(self, robot, plan):
         friction = Friction(offset=np.array([1.0, -3.0, 2.0, 0.5, -0.5, 0.2]))
-        found = estimates(robot, campaign(robot, plan, friction))
-        assert relative_error(found["improved"].p) < 1e-5
-        assert relative_error(found["published"].p) > 3e-3
+        recorded = list(campaign(robot, plan, friction))
+        assert relative_error(estimate(robot, recorded).p) < 1e-5
+        assert relative_error(estimate(robot, recorded, "published").p) > 3e-3
 
     def test_missing_samples_do_not_bias_the_result(self, robot, symmetric):
         rng = np.random.default_rng(4)
@@ -176,12 +176,12 @@ class TestExactness:
 class TestCalibration:
     @pytest.mark.long
     def test_intervals_of_95_percent_cover_about_that_often(self, robot, symmetric):
-        reference = estimates(robot, symmetric)
-        drawn = [estimates(robot, noisy(robot, symmetric, seed)) for seed in range(6)]
+        drawn = [list(noisy(robot, symmetric, seed)) for seed in range(6)]
         for method in TWO_STEP_METHODS:
             inside, ratio = [], []
-            for found in (each[method] for each in drawn):
-                error = found.p - reference[method].p
+            reference = estimate(robot, symmetric, method)
+            for found in (estimate(robot, each, method) for each in drawn):
+                error = found.p - reference.p
                 inside.append(np.abs(error) < found.half_width())
                 ratio.append(error / found.standard_error)
             assert 0.88 <= np.mean(inside) <= 1.0, method

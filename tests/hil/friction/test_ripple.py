@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from synthetic import Friction, record
 
-from hil.estimation.two_step_methods import estimates
+from hil.estimation.identify import estimate
 from hil.friction.ripple import orders_left_out, ripple_left_out, ripple_orders
 from hil.model.robot import Robot
 from hil.planning.design.by_counts import design
@@ -71,5 +71,5 @@ def test_gravity_of_a_direct_drive_is_identified():
     recorded = [
         (m, record(robot, m, TRUTH, friction, noise=0.0025, rng=rng)) for m in plan.measurements
     ]
-    found = estimates(robot, recorded, ("improved",))["improved"]
+    found = estimate(robot, recorded)
     assert found.p == pytest.approx(TRUTH, abs=0.01)

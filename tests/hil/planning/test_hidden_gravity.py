@@ -14,7 +14,7 @@ from synthetic import Friction, record
 
 from hil.cli.plan_view import render
 from hil.errors import NotIdentifiable
-from hil.estimation.two_step_methods import estimates
+from hil.estimation.identify import estimate
 from hil.model.base_parameters import base_parameters
 from hil.model.robot import Robot
 from hil.planning.design import by_minutes, candidates
@@ -147,7 +147,7 @@ def recorded(robot: Robot) -> Recorded:
 
 
 def test_an_offset_of_the_torque_does_not_count_as_mass(robot: Robot, recorded: Recorded) -> None:
-    found = estimates(robot, recorded, ("improved",))["improved"]
+    found = estimate(robot, recorded)
     assert found.p == pytest.approx(TRUTH, rel=0.005)
 
 
@@ -156,13 +156,13 @@ def test_without_its_acceleration_an_estimate_is_refused(robot: Robot, recorded:
     with pytest.raises(
         NotIdentifiable, match=r"gravity measurements do not identify p3: the condition .* 1e\+04"
     ):
-        estimates(robot, blind, ("improved",))
+        estimate(robot, blind)
 
 
 def test_advice_for_a_hidden_mass_is_more_acceleration(
     robot: Robot, plan: Plan, recorded: Recorded
 ) -> None:
-    found = estimates(robot, recorded, ("improved",))["improved"]
+    found = estimate(robot, recorded)
     uncertain = replace(found, covariance=np.diag([0.0, 0.0, 2.0**2]))
     effect, budget = effect_of_errors(uncertain, robot), error_budget(uncertain, robot)
     judged = CampaignResult(uncertain, effect, budget, robot, plan, [])

@@ -19,8 +19,8 @@ from hil import cli
 from hil.errors import NotIdentifiable
 from hil.estimation.estimate import LeftOut
 from hil.estimation.excluded.result import ErrorTerm
+from hil.estimation.identify import estimate
 from hil.estimation.local_fits import believed_fit
-from hil.estimation.two_step_methods import estimates
 from hil.friction.equation import place
 from hil.model.base_parameters import base_parameters
 from hil.planning.measurement import ELEMENT_KINDS
@@ -69,7 +69,8 @@ def page(folder, figures):
 
 @pytest.fixture(scope="module")
 def found(folder):
-    return estimates(folder.robot, recorded(folder))
+    measured = list(recorded(folder))
+    return {each: estimate(folder.robot, measured, each) for each in ("improved", "published")}
 
 
 @pytest.fixture
@@ -180,8 +181,8 @@ class TestPage:
         begin, end = map(sections.rindex, ("Improved and published", "Sessions and drives"))
         compared = sections[begin:end]
         for k in range(14):
-            for estimate in found.values():
-                assert rounded(estimate.p[k], estimate.standard_error[k]) in compared
+            for each in found.values():
+                assert rounded(each.p[k], each.standard_error[k]) in compared
 
     def test_it_says_what_was_measured_on_what(self, page, folder):
         text = text_of(page)

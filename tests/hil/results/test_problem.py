@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import pytest
@@ -221,6 +221,15 @@ def test_errors_are_stated_as_asked(
     assert not np.allclose(variances(as_usual), variances(other), rtol=1e-3)
 
 
+@pytest.mark.parametrize("option", [{"friction": "Coulomb"}, {"nuisance": ("presliding",)}])
+def test_an_option_for_the_import_with_a_load_leaves_the_strokes_without_it_alone(
+    option: dict[str, Any], strokes: Run, imported: Run, measured: ModelFit
+) -> None:
+    asked = hil.regression(strokes, loaded=[imported], **option)
+    plain = measured if "friction" in option else hil.regression(strokes, nuisance=()).fit()
+    np.testing.assert_array_equal(asked.bare.estimate.p, plain.estimate.p)
+
+
 def test_what_cannot_be_asked_is_refused(strokes: Run) -> None:
     with pytest.raises(NotEnoughData, match="0 runs"):
         hil.regression()
@@ -233,7 +242,7 @@ def test_what_cannot_be_asked_is_refused(strokes: Run) -> None:
         hil.regression(strokes, covariance="HC3")
     with pytest.raises(UnknownName, match="friction 'Stribeck' must be"):
         hil.regression(strokes, friction="Stribeck")
-    with pytest.raises(Mismatch, match="for imported runs only \\(0 of 1\\)"):
+    with pytest.raises(Mismatch, match=r"friction 'arc tangent' has no effect .*effect: auto\)"):
         hil.regression(strokes, friction="arc tangent")
     with pytest.raises(Mismatch, match=r"'presliding' has no effect .*\(with an effect: lag"):
         hil.regression(strokes, nuisance="presliding")
