@@ -53,11 +53,8 @@ def test_runs_without_a_model_are_identified_and_others_stay(hil: Hil, plants: P
     (plants / "b" / "june" / "robot.yaml").write_text("name: none\n")
     status, out, _ = hil("fleet", "identify", plants, "--workers", 2)
     assert (status, "2 runs identified, 0 up to date" in out) == (3, True)
-    assert (
-        f"not identified: {plants / 'b' / 'june'}: {plants / 'b' / 'june' / 'robot.yaml'}:1: "
-        in out
-    )
-    robot = arm()
+    damaged, robot = plants / "b" / "june", arm()
+    assert f"not identified: {damaged}: {damaged / 'robot.yaml'}:1: " in out
     write_free_run(plants / "b" / "july", robot, recorded(robot, TRUTH, n=2, duration=8.0))
     (damaged / "run.json").unlink()
     (plants / "a" / "june" / NAME).unlink()
