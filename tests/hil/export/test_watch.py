@@ -4,13 +4,15 @@ from __future__ import annotations
 
 import json
 import re
+import shutil
+import subprocess
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import pytest
-from compiled_code import needs_compiler
+from compiled_code import COMPILER, STRICT, needs_compiler
 from exported_watch import (
     alarms_by_constants,
     alarms_in_c,
@@ -20,6 +22,7 @@ from exported_watch import (
 from stated_model import stated_model
 
 from hil.errors import InvalidValue, Mismatch, NotEnoughData
+from hil.export.source_code import identifier
 from hil.export.watch_code import write_watch
 from hil.model.dynamics import inverse_dynamics, regressor
 from hil.model.robot import Robot
@@ -41,6 +44,11 @@ ROBOTS = {
     "three slides": str(ROOT / "tests/robots/cartesian.yaml"),
 }
 PERIOD, LEARNED = 0.004, 3.0
+CPPCHECK, NM = shutil.which("cppcheck"), shutil.which("nm")
+ADVICE = ("2.5", "8.9", "12.1", "12.3", "20.5", "20.10")
+"""Advisory rules of MISRA C:2012 not followed: those of the model's header, and tables outside of
+the only function that uses them.
+"""
 each_robot = pytest.mark.parametrize("kind", ROBOTS)
 each_start = pytest.mark.parametrize("learned", [False, True])
 
@@ -95,6 +103,43 @@ def test_c_raises_the_alarms_of_the_watch(kind: str, learned: bool, tmp_path: Pa
     assert {axis for axis, _ in wanted} == set(range(1, model.robot.n_joints + 1))
     assert alarms_in_c(model, found, pushed, tmp_path, learned=learned) == wanted
     assert alarms_in_c(model, found, recorded(model), tmp_path, learned=learned) == []
+
+
+@needs_compiler
+@pytest.mark.skipif(NM is None, reason="there is no nm")
+def test_the_c_of_the_watch_calls_five_functions_and_allocates_nothing(tmp_path: Path) -> None:
+    model = model_of("two turns")
+    alarms_in_c(model, earlier(model, 4.0), recorded(model, 4.0), tmp_path, learned=True)
+    (tmp_path / "library.c").write_text(
+        '#include "pan_tilt_watch.h"\n'
+        "void start(pan_tilt_watch *s);\n"
+        "void start(pan_tilt_watch *s) { pan_tilt_start_watch(s, true); }\n"
+        "void sample(pan_tilt_watch *s, const double *q);\n"
+        "void sample(pan_tilt_watch *s, const double *q)\n"
+        "{ pan_tilt_watch_sample(s, 0.004, q, q); }\n"
+    )
+    for command in ([str(COMPILER), *STRICT, "-c", "library.c"], [str(NM), "-u", "library.o"]):
+        done = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, check=True)  # noqa: S603
+    names = {word.lstrip("_") for word in done.stdout.split()} - {"U", "GLOBAL_OFFSET_TABLE_"}
+    # compilers compute sine and cosine together, and copy structures by memcpy or memset
+    both = {"sincos", "memcpy", "memset", "stack_chk_fail"}
+    assert {"sin", "cos", "atan", "exp", "sqrt", *both} >= names >= {"exp"}
+
+
+@pytest.mark.skipif(CPPCHECK is None, reason="there is no cppcheck")
+@each_robot
+def test_cppcheck_finds_nothing_in_the_watch_but_advice_of_misra(kind: str, tmp_path: Path) -> None:
+    model = model_of(kind)
+    alarms_in_c(model, earlier(model, 4.0), recorded(model, 4.0), tmp_path, learned=True)
+    name = identifier(model.robot.name)
+    command = [
+        str(CPPCHECK), "--std=c99", "--enable=warning,style,performance,portability", "--quiet",
+        f"-U{name.upper()}_SINGLE", "--addon=misra", "--template={file} {id}", "main.c",
+    ]  # fmt: skip
+    done = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, check=False)  # noqa: S603
+    lines = done.stderr.splitlines()
+    found = {line.split()[1] for line in lines if line.startswith(f"{name}_watch.h")}
+    assert found <= {f"misra-c2012-{rule}" for rule in ADVICE}
 
 
 @needs_compiler
