@@ -327,11 +327,16 @@ def _st_constant(constant: Constant) -> str:
     """Return type and value of a constant array; rows one after the other."""
     values = np.array(constant.value)
     whole = values.dtype.kind == "i"
-    texts = [str(x) if whole else literal(x).strip("()") for x in values.ravel().tolist()]
+    texts = [str(x) if whole else _initial(x) for x in values.ravel().tolist()]
     rows = (", ".join(texts[k : k + 6]) for k in range(0, len(texts), 6))
     limits = ", ".join(f"0..{k - 1}" for k in values.shape)
     body = ",\n        ".join(rows)
     return f"ARRAY[{limits}] OF {'DINT' if whole else 'LREAL'} := [\n        {body}]"
+
+
+def _initial(value: float) -> str:
+    """Return a literal for the initial value of an array, where the sign belongs to the number."""
+    return literal(abs(value)).replace("#", "#-" if value < 0 else "#")
 
 
 FORMULAS = {

@@ -7,7 +7,7 @@ import types
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from compiled_code import COMPILER, STRICT, module
+from compiled_code import COMPILER, IEC2C, MATIEC, STRICT, module
 from structured_text import Parser
 
 from hil.export import watch_steps
@@ -85,10 +85,7 @@ def alarms_in_c(
     command = [str(COMPILER), *STRICT, *flags, "-Wconversion", "main.c", "-o", "main", "-lm"]
     done = subprocess.run(command, cwd=folder, capture_output=True, text=True, check=False)  # noqa: S603
     assert done.returncode == 0, done.stderr
-    rows = np.column_stack([elapsed, q, tau]).astype(float).tobytes()
-    words = [str(folder / "main"), str(int(learned))]
-    out = subprocess.run(words, input=rows, capture_output=True, check=True).stdout.decode()  # noqa: S603
-    return begun(time, np.array(out.split(), dtype=int).reshape(len(time), -1))
+    return run_main(folder, time, np.column_stack([elapsed, q, tau]), learned=learned)
 
 
 def alarms_in_python(model: Model, found: Watched, samples: Samples, *, learned: bool) -> Alarms:
@@ -119,6 +116,59 @@ def alarms_in_structured_text(
         unit.call(values, *sample, learned)
         alarm.append(list(values["ALARM"]))
     return begun(time, alarm)
+
+
+MATIEC_MAIN = """\
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include "POUS.h"
+#include "POUS.c"
+TIME __CURRENT_TIME;
+int main(int count, char **words)
+{
+    static NAME_WATCH b;
+    double row[1 + 2 * JOINTS];
+    int j;
+    NAME_WATCH_init__(&b, 0);
+    b.LEARNED.value = (count > 1) && (atoi(words[1]) == 1);
+    while (fread(row, sizeof row, 1, stdin) == 1) {
+        b.ELAPSED.value = row[0];
+        memcpy(b.Q.value.table, row + 1, JOINTS * sizeof(double));
+        memcpy(b.TAU.value.table, row + 1 + JOINTS, JOINTS * sizeof(double));
+        NAME_WATCH_body__(&b);
+        for (j = 0; j < JOINTS; j++) {
+            printf("%d ", (int)b.ALARM.value.table[j]);
+        }
+    }
+    return 0;
+}
+"""
+
+
+def alarms_by_matiec(
+    model: Model, found: Watched, samples: Samples, folder: Path, *, learned: bool
+) -> Alarms:
+    (time, q, tau), elapsed = present(samples)
+    name = identifier(model.robot.name)
+    files = write_st(model, ()).files | write_watch(model, "st", (), found)
+    (folder / "text.st").write_text(files[f"{name}_dynamics.st"] + files[f"{name}_watch.st"])
+    main = MATIEC_MAIN.replace("NAME", name.upper()).replace("JOINTS", str(model.robot.n_joints))
+    (folder / "main.c").write_text(main)
+    for command in (
+        [str(IEC2C), "-I", MATIEC, "-T", ".", "text.st"],
+        [str(COMPILER), "-w", "-I", f"{MATIEC}/C", "main.c", "-o", "main", "-lm"],
+    ):
+        done = subprocess.run(command, cwd=folder, capture_output=True, text=True, check=False)  # noqa: S603
+        assert done.returncode == 0, done.stdout + done.stderr
+    return run_main(folder, time, np.column_stack([elapsed, q, tau]), learned=learned)
+
+
+def run_main(folder: Path, time: Array, rows: Array, *, learned: bool) -> Alarms:
+    words = [str(folder / "main"), str(int(learned))]
+    data = rows.astype(float).tobytes()
+    out = subprocess.run(words, input=data, capture_output=True, check=True).stdout.decode()  # noqa: S603
+    return begun(time, np.array(out.split(), dtype=int).reshape(len(time), -1))
 
 
 def alarms_by_constants(

@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from collections.abc import Callable
 
 TOKEN = re.compile(
-    r"LREAL\#\d+\.\d+(?:E-?\d+)?|\d+(?!\.\d)|[A-Z]\w*|:=|<=|>=|<>|\.\.|[-+*/()\[\],.;:<>=]"
+    r"LREAL\#-?\d+\.\d+(?:E-?\d+)?|\d+(?!\.\d)|[A-Z]\w*|:=|<=|>=|<>|\.\.|[-+*/()\[\],.;:<>=]"
 )
 KEYWORDS = (
     "AND ARRAY AT BOOL BY CASE CONSTANT DINT DO ELSE ELSIF EN ENO EXIT FALSE FOR FUNCTION"
@@ -188,6 +188,7 @@ class Parser:
     def _initial(self, kind: str, size: int) -> Any:
         """Parse an initial value, a list for an array."""
         if not size:
+            self._check(self._see() not in {"-", "(", "NOT"}, "an initial value is a literal")
             wanted, run = self._operand()
             self._check(wanted == kind, f"initial value of {kind}")
             return run({})

@@ -12,9 +12,10 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import pytest
-from compiled_code import COMPILER, STRICT, needs_compiler
+from compiled_code import COMPILER, STRICT, needs_compiler, needs_iec2c
 from exported_watch import (
     alarms_by_constants,
+    alarms_by_matiec,
     alarms_in_c,
     alarms_in_python,
     alarms_in_structured_text,
@@ -169,6 +170,19 @@ def test_structured_text_raises_the_alarms_of_the_watch(learned: bool) -> None:
     wanted = alarms(watch(model, pushed, found if learned else None))
     assert wanted
     assert alarms_in_structured_text(model, found, pushed, learned=learned) == wanted
+
+
+@needs_iec2c
+@each_start
+@each_robot
+def test_matiec_compiles_the_text_to_the_same_alarms(
+    kind: str, learned: bool, tmp_path: Path
+) -> None:
+    model = model_of(kind)
+    found, pushed = earlier(model), recorded(model, push=0.5)
+    wanted = alarms(watch(model, pushed, found if learned else None))
+    assert alarms_by_matiec(model, found, pushed, tmp_path, learned=learned) == wanted
+    assert alarms_by_matiec(model, found, recorded(model), tmp_path, learned=learned) == []
 
 
 def test_json_has_the_thresholds_with_units_and_constants_that_give_the_same_alarms() -> None:
