@@ -180,13 +180,16 @@ def main() -> None:
                 table.add_row(f"exported {name}", str(counted[name]), f"{us:.3f}")
                 kept[f"{robot.name}-{name}"] = Figure(us, "us")
         table.add_row("recursion on whole links", str(count_whole_links(robot)), "")
-        table.add_row("Pinocchio's rnea from Python", "", f"{pinocchio_from_python(robot):.3f}")
+        from_python = pinocchio_from_python(robot)
+        kept[f"{robot.name}-rnea-from-python"] = Figure(from_python, "us")
+        table.add_row("Pinocchio's rnea from Python", "", f"{from_python:.3f}")
         table.add_row("Pinocchio's rnea in C++", "", f"{in_cpp:.3f}" if in_cpp else "no Eigen")
-        Console().print(table)
         if in_cpp:
+            kept[f"{robot.name}-rnea-in-cpp"] = Figure(in_cpp, "us")
             ratio = kept[f"{robot.name}-torque"].value / in_cpp
             table.add_row("exported torque over rnea in C++", "", f"{ratio:.2f}")
             kept[f"{robot.name}-torque-of-rnea"] = Figure(ratio, digits=2)
+        Console().print(table)
         whole = count_whole_links(robot)
         for name, total in (("own", counted["rigid_bodies"]), ("whole-links", whole)):
             arithmetic = total.multiplications + total.additions

@@ -147,7 +147,11 @@ def watch(
             max=3600,
             help="Duration of motion without contact, from which thresholds are learned \\[s].",
         ),
-    ] = 30.0,
+    ] = 30.0,  # hil.results.watch.LEARNING
+    thresholds: Annotated[
+        Path | None,
+        typer.Option(help="Folder of an earlier watch, whose thresholds hold from the start."),
+    ] = None,
     stop: Annotated[
         bool, typer.Option("--stop", help="Stop all axes and switch them off at the first alarm.")
     ] = False,
@@ -167,14 +171,20 @@ def watch(
         from hil.cli.watch_view import WatchView
         from hil.results.model import loaded
         from hil.results.model_file import file_of
+        from hil.results.watch import load_thresholds
         from hil.watching.watcher import Watcher, WatchingBus
 
         the_plan, the_robot = load(plan_file, robot_file, workspace)
         model = loaded(model_path, the_robot)
-        watcher = Watcher(model, the_plan.sample_period, learn)
+        known = (
+            None
+            if thresholds is None
+            else load_thresholds(thresholds, model, the_plan.sample_period)
+        )
+        watcher = Watcher(model, the_plan.sample_period, learn, known.axes if known else ())
         how = OnBus(**vars(where), realtime=realtime, listeners=listeners(shown, where.bus_option))
         view = WatchView(watcher, the_robot)
-        rounds = _rounds(the_plan, the_robot, repeat, hours, learn)
+        rounds = _rounds(the_plan, the_robot, repeat, hours, 0.0 if known else learn)
     try:
         measure(
             the_plan.model_copy(update={"attempts": 1}),  # a push is the result: no repetition
@@ -232,7 +242,7 @@ def keep_watch(output: Path, the_plan: Plan, watcher: Watcher, model: str) -> No
     from hil.runs.run import Run
 
     found = watcher.found(the_plan.digest, model)
-    if not found.learned:
+    if not (found.learned or found.watched):
         return
     run = Run.open(output / RUN) if (output / RUN / "run.json").exists() else None
     shown = watch(output, run, found, watcher.trace)

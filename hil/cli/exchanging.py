@@ -149,6 +149,13 @@ def export(
         ),
     ] = None,
     masses: Masses = None,
+    watch: Annotated[
+        Path | None,
+        typer.Option(
+            help="Folder of a watch: also write its alarms and thresholds (c, python, st, json).",
+            autocompletion=files,
+        ),
+    ] = None,
     without: Without = None,
     force: Annotated[
         bool,
@@ -160,7 +167,14 @@ def export(
 
     refuse_unknown(to)
     if to in RECORDINGS:
-        _refuse(to, urdf=None if to == "mcap" else urdf, patch=patch, mass=masses, force=force)
+        _refuse(
+            to,
+            urdf=None if to == "mcap" else urdf,
+            patch=patch,
+            mass=masses,
+            force=force,
+            watch=watch,
+        )
         paths = _write_recordings(source, to, output, urdf, without)
     elif to not in SIMULATORS and (urdf or patch or masses):
         raise typer.BadParameter(
@@ -170,7 +184,7 @@ def export(
         )
     else:
         _refuse(to, without=without)
-        paths = _write_model(source, to, output, urdf, patch, masses, force)
+        paths = _write_model(source, to, output, urdf, patch, masses, watch, force)
     for path in paths:
         say(f"written: {path}")
 
@@ -191,6 +205,7 @@ def _write_model(
     urdf: Path | None,
     patch: Path | None,
     masses: list[str] | None,
+    watch: Path | None,
     force: bool,
 ) -> tuple[Path, ...]:
     with working("reading the model") as now:
@@ -207,7 +222,7 @@ def _write_model(
             raise typer.Exit(Status.REFUSED)
         now(f"writing the model as {to}")
         bounds = body_bounds(masses) if masses else None
-        model, exported = exported_model(model, to, source, urdf, bounds, patch)
+        model, exported = exported_model(model, to, source, urdf, bounds, patch, watch)
         if to in SIMULATORS:
             show_bodies(model)
         paths = write_exported(exported, output)

@@ -97,7 +97,7 @@ def watched(found: Watched) -> Table:
         "torques above friction are detected. Blind: share of time, around reversals and at "
         "rest, in which a tenth of the torque limit is not detected within 20 ms; dim: the "
         "same for a twentieth of the limit within 0.1 s.",
-        (f"thresholds learned from {clock(found.learned)} of motion",),
+        (f"thresholds learned from {clock(found.learned)} of motion",) if found.learned else (),
     )
 
 

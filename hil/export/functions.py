@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import math
 import re
+from dataclasses import replace
 from typing import TYPE_CHECKING, NamedTuple, cast
 
 import numpy as np
@@ -112,6 +113,12 @@ def rigid(model: Model) -> Function:
     return _made(model, "rigid_bodies", purpose, "q", "qd", "qdd")
 
 
+def regressor(model: Model) -> Function:
+    """Return the function for the derivatives of the torques by the base parameters."""
+    purpose = "Torques of the rigid bodies at constant speed per base parameter, axis by axis."
+    return _made(model, "regressor", purpose, "q", "qd")
+
+
 def stateful_dynamics(model: Model) -> Function:
     """Return the function for the `PARTS`, with the direction of friction as a state.
 
@@ -160,6 +167,13 @@ class _Equations:
             tau + spring + sum((H * dv for H, dv in zip(row, qdd, strict=True)), start=0.0)
             for tau, spring, row in zip(found, self._springs(q), self._constant, strict=True)
         ]
+
+    def regressor(self, q: Vector, qd: Vector) -> list[Scalar]:
+        """Return the torques for unit values of single base parameters, without acceleration."""
+        still = [0.0] * len(q)
+        units = (replace(self._model, values=unit) for unit in np.eye(len(self._model.values)))
+        columns = [_Equations(self._graph, each).rigid_bodies(q, qd, still) for each in units]
+        return [column[axis] for axis in range(len(q)) for column in columns]
 
     def mass_matrix(self, q: Vector) -> list[Scalar]:
         """Return the mass matrix, computed by columns."""

@@ -75,7 +75,7 @@ _C_BODIES = {
 """Functions without calls of the mathematics library; cube roots use Halley's rule."""
 
 
-def _c(name: str) -> Syntax:
+def c_syntax(name: str) -> Syntax:
     """Return the arithmetic of C; `name` of the robot prefixes the helpers."""
     return Syntax(
         number=lambda value: f"HIL_R({value!r})",
@@ -87,7 +87,7 @@ def _c(name: str) -> Syntax:
     )
 
 
-_TYPES = """\
+TYPES = """\
 #ifdef {upper}_SINGLE
 typedef float {name}_real;
 #define HIL_F(function) function##f
@@ -139,19 +139,19 @@ def write_c(model: Model, origin: tuple[str, ...]) -> Exported:
     upper, against = name.upper(), cautions(model)
     inertias = ", ".join(map(repr, model.robot.reflected_inertia.tolist()))
     header = "\n".join([
-        _c_comment(description(model, origin, found)),
+        c_comment(description(model, origin, found)),
         f"#ifndef {upper}_DYNAMICS_H\n#define {upper}_DYNAMICS_H\n\n#include <math.h>\n",
-        _TYPES.format(name=name, upper=upper),
+        TYPES.format(name=name, upper=upper),
         *(_c_helper(name, each) for each in _C_BODIES if each in _operations(found)),
         f"#define {upper}_JOINTS {model.robot.n_joints}",
         "/* Motors' own inertia, joint side, for the diagonal of the mass matrix. */",
         f"#define {upper}_MOTOR_INERTIA {{{inertias}}}\n",
-        *(_c_function(name, upper, each) for each in found),
+        *(c_function(name, upper, each) for each in found),
         "#undef HIL_F\n#undef HIL_R\n\n#endif\n",
     ])  # fmt: skip
     files = {
         f"{name}_dynamics.h": header,
-        "example.c": (_c_comment(against) if against else "")
+        "example.c": (c_comment(against) if against else "")
         + _EXAMPLE.format(name=name, upper=upper),
         "CMakeLists.txt": "".join(f"# {line}\n" for line in against) + _CMAKE.format(name=name),
     }
@@ -168,10 +168,13 @@ def _c_helper(name: str, helper: str) -> str:
     return f"static inline {name}_real {name}_{helper}({name}_real x)\n{{\n{body}\n}}\n"
 
 
-def _c_function(name: str, upper: str, function: Function) -> str:
-    size = f"{upper}_JOINTS" + (f" * {upper}_JOINTS" if function.name == "mass_matrix" else "")
+def c_function(name: str, upper: str, function: Function) -> str:
+    """Return a function of C with one argument for each array, the results last."""
+    sizes = {"mass_matrix": f"{upper}_JOINTS * {upper}_JOINTS"}
+    sizes["regressor"] = str(len(function.results))
+    size = sizes.get(function.name, f"{upper}_JOINTS")
     inputs = [f"const {name}_real {each}[{upper}_JOINTS]" for each in function.arguments]
-    named, values = assignments(function.results, _c(name))
+    named, values = assignments(function.results, c_syntax(name))
     results = [f"r{k}" for k in range(len(values))]
     lines = [
         *(f"(void){each};" for each in _unused(function)),
@@ -181,7 +184,7 @@ def _c_function(name: str, upper: str, function: Function) -> str:
     ]
     body = "\n".join(f"    {line}" for line in lines)
     return (
-        f"{_c_comment((f'{function.purpose} {count(function.results)}.',))}"
+        f"{c_comment((f'{function.purpose} {count(function.results)}.',))}"
         f"static inline void {name}_{function.name}(\n"
         f"    {', '.join(inputs)},\n    {name}_real out[{size}])\n{{\n{body}\n}}\n"
     )
@@ -193,7 +196,7 @@ def _unused(function: Function) -> list[str]:
     return [argument for argument in function.arguments if argument not in used]
 
 
-def _c_comment(lines: tuple[str, ...]) -> str:
+def c_comment(lines: tuple[str, ...]) -> str:
     """Return lines as a comment, with comment delimiters in the text broken up."""
     harmless = (line.replace("*/", "* /").replace("/*", "/ *").rstrip("\\") for line in lines)
     return "/* " + "\n * ".join(harmless) + "\n */\n"
@@ -236,12 +239,13 @@ def write_python(model: Model, origin: tuple[str, ...]) -> Exported:
         f"JOINTS = {model.robot.n_joints}",
         f"MOTOR_INERTIA = np.array({model.robot.reflected_inertia.tolist()!r})",
         _HELPERS,
-        *(_python_function(each) for each in found),
+        *(python_function(each) for each in found),
     ])  # fmt: skip
     return Exported({f"{name}_dynamics.py": text}, remarks(model, found))
 
 
-def _python_function(function: Function) -> str:
+def python_function(function: Function) -> str:
+    """Return a function of Python for any number of samples."""
     named, values = assignments(function.results, PYTHON)
     first = next(iter(function.arguments))
     is_matrix = function.name == "mass_matrix"
@@ -271,7 +275,7 @@ _ST_BODIES = {
 }
 
 
-def _literal(value: float) -> str:
+def literal(value: float) -> str:
     """Return a number as a typed literal with a decimal point, as required by the standard."""
     digits, _, exponent = repr(abs(value)).partition("e")
     whole = digits if "." in digits else f"{digits}.0"
@@ -279,10 +283,10 @@ def _literal(value: float) -> str:
     return f"(-{typed})" if value < 0 else typed
 
 
-def _structured_text(name: str) -> Syntax:
+def structured_text(name: str) -> Syntax:
     """Return the arithmetic of structured text; `name` of the robot prefixes the helpers."""
     return Syntax(
-        number=_literal,
+        number=literal,
         function=lambda function, of: (
             f"{name}_{_ST_NAMES[function]}({of})"
             if function in _ST_NAMES
@@ -342,7 +346,7 @@ def write_st(model: Model, origin: tuple[str, ...]) -> Exported:
     used = _operations(found)
     array = "TYPE {}_{} : ARRAY[0..{}] OF LREAL; END_TYPE\n"
     text = "\n".join([
-        _st_comment(description(model, origin, found)),
+        st_comment(description(model, origin, found)),
         array.format(name, "joints", joints - 1) + array.format(name, "matrix", joints**2 - 1),
         *(
             f"FUNCTION {name}_{helper} : LREAL\nVAR_INPUT\n    x : LREAL;\nEND_VAR\n"
@@ -350,7 +354,7 @@ def write_st(model: Model, origin: tuple[str, ...]) -> Exported:
             for operation, helper in _ST_NAMES.items()
             if operation in used
         ),
-        *(_st_block(name, each, joints) for each in found),
+        *(st_block(name, each, joints) for each in found),
     ])  # fmt: skip
     files, said = {f"{name}_dynamics.st": text}, remarks(model, found)
     if joints > AXES_OF_SOFTMOTION:
@@ -368,20 +372,20 @@ def _softmotion(model: Model, name: str) -> str:
         *(f"    torque.a{k} := arm.out[{k}];" for k in axes),
         "    AxesStateToTorque := SMC_ERROR.SMC_NO_ERROR;",
     ]
-    units = (_literal(math.pi / 180 if each else 1.0) for each in model.robot.revolute.tolist())
+    units = (literal(math.pi / 180 if each else 1.0) for each in model.robot.revolute.tolist())
     head = (*cautions(model), *(line.format(name=name) for line in _SOFTMOTION))
-    return _st_comment(head) + _WRAPPER.format(
+    return st_comment(head) + _WRAPPER.format(
         name=name, last=len(axes) - 1, units=", ".join(units), lines="\n".join(lines)
     )
 
 
-def _st_block(name: str, function: Function, joints: int) -> str:
+def st_block(name: str, function: Function, joints: int) -> str:
     """Return a function block; arguments in `MEMORY` become variables kept between calls."""
-    syntax, kept = _structured_text(name), [each for each in MEMORY if each in function.arguments]
+    syntax, kept = structured_text(name), [each for each in MEMORY if each in function.arguments]
     named, values = assignments(function.results, syntax)
     results = [*PARTS, *kept[1:]] if kept else ["out"]
     size = len(values) // len(results)
-    kind = f"{name}_joints" if size == joints else f"{name}_matrix"
+    kind = st_type(name, joints, size)
     places = [f"{each}[{k}]" for each in results for k in range(size)]
     lines = [f"{each} := {value};" for each, value in named.items()]
     lines += [f"{each} := {value};" for each, value in zip(places, values, strict=True)]
@@ -395,23 +399,30 @@ def _st_block(name: str, function: Function, joints: int) -> str:
     inputs = [f"{each} : {name}_joints;" for each in function.arguments if each not in kept]
     outputs = [f"{each} : {kind};" for each in results[: len(PARTS)]]
     return (
-        f"{_st_comment((f'{function.purpose} {count(function.results)}.',))}"
+        f"{st_comment((f'{function.purpose} {count(function.results)}.',))}"
         f"FUNCTION_BLOCK {name}_{function.name}\n"
-        f"{_st_variables('VAR_INPUT', inputs)}{_st_variables('VAR_OUTPUT', outputs)}"
-        f"{_st_variables('VAR', declared) if declared else ''}"
-        f"{_indented(lines)}\nEND_FUNCTION_BLOCK\n"
+        f"{st_variables('VAR_INPUT', inputs)}{st_variables('VAR_OUTPUT', outputs)}"
+        f"{st_variables('VAR', declared) if declared else ''}"
+        f"{indented(lines)}\nEND_FUNCTION_BLOCK\n"
     )
 
 
-def _st_variables(section: str, declared: list[str]) -> str:
-    return f"{section}\n{_indented(declared)}\nEND_VAR\n"
+def st_type(name: str, joints: int, size: int) -> str:
+    """Return the name of the type of arrays of a size."""
+    return f"{name}_{({joints**2: 'matrix'} | {joints: 'joints'}).get(size, 'columns')}"
 
 
-def _indented(lines: list[str]) -> str:
+def st_variables(section: str, declared: list[str]) -> str:
+    """Return declarations of variables in a section."""
+    return f"{section}\n{indented(declared)}\nEND_VAR\n"
+
+
+def indented(lines: list[str]) -> str:
+    """Return lines as a text with an indent."""
     return "\n".join(f"    {line}" for line in lines)
 
 
-def _st_comment(lines: tuple[str, ...]) -> str:
+def st_comment(lines: tuple[str, ...]) -> str:
     """Return lines as a comment, with comment delimiters in the text broken up."""
     harmless = (line.replace("*)", "* )").replace("(*", "( *") for line in lines)
     return "(* " + "\n   ".join(harmless) + " *)\n"

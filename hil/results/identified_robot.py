@@ -6,6 +6,8 @@ formula. Torque calculations, files and tables are in other modules (`hil.result
 
 from __future__ import annotations
 
+import hashlib
+import json
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
@@ -181,6 +183,22 @@ class IdentifiedRobot(ByName):
         """Standard errors of `values`, shape (n_base,); NaN for unidentified parameters."""
         errors: Array = np.where(self.identified, np.sqrt(np.diag(self.covariance)), np.nan)
         return errors
+
+    @property
+    def digest(self) -> str:
+        """SHA-256 of robot, values, standard errors and friction law, in hexadecimal.
+
+        Numbers count with nine digits, because files may state a covariance by its parts.
+
+        Examples
+        --------
+        >>> hil.Model.load("runs/first").digest == hil.Model.load("runs/head").digest
+        False
+        """
+        pairs = zip(self.values.tolist(), self.standard_errors.tolist(), strict=True)
+        numbers = [f"{x:.9g}" for pair in pairs for x in pair]
+        content = [self.robot.digest, numbers, self.friction_law.model_dump(mode="json")]
+        return hashlib.sha256(json.dumps(content).encode()).hexdigest()
 
     @property
     def correlation(self) -> Array:

@@ -4,12 +4,16 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from checked_files.yaml_file import FileModel
+from checked_files.yaml_file import FileModel, load_yaml
+from hil.errors import Mismatch, NotEnoughData
 from hil.show.outcome import Verdict
 from hil.show.rounding import clock
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
+    from pathlib import Path
+
+    from hil.results.identified_robot import IdentifiedRobot
 
 NAME = "watch.yaml"
 
@@ -63,6 +67,13 @@ class Sight(FileModel):
         not be detected within `SOON`, and a push of `WEAK` not within `LATE`.
     distance : float
         Assumed presliding distance [rad or m].
+    scatter : tuple of float
+        Root mean square of the mean external torque over each window, without contact [N m or N];
+        empty in files of earlier versions.
+    moved : float
+        Time of motion in `scatter` [s].
+    reversals : tuple of tuple of float, shape (4, n_distances)
+        Sums for the fit of presliding distance and damping (`hil.watching.turning`).
     """
 
     axis: int
@@ -74,8 +85,13 @@ class Sight(FileModel):
     blind: float
     dim: float
     distance: float
+    scatter: tuple[float, ...] = ()
+    moved: float = 0.0
+    reversals: tuple[tuple[float, ...], ...] = ()
 
 
+LEARNING = 30.0
+"""Time of motion for learning thresholds, by default [s]."""
 SOON, LATE = 0.02, 0.1
 """Detection times for strong and weak pushes [s]."""
 STRONG, WEAK = 0.1, 0.05
@@ -103,8 +119,8 @@ class Watched(FileModel):
 
     Attributes
     ----------
-    robot_digest, plan_digest, model : str
-        Digests of the watched robot and plan, and the path of the model's file.
+    robot_digest, plan_digest, model, model_digest : str
+        Digests of the watched robot and plan, path of the model's file, and `Model.digest`.
     period : float
         Time between two samples [s].
     learned, watched : float
@@ -116,6 +132,7 @@ class Watched(FileModel):
     robot_digest: str
     plan_digest: str
     model: str
+    model_digest: str = ""
     period: float
     learned: float
     watched: float
@@ -152,3 +169,38 @@ def hardly_watched(found: Watched, mostly: float = 0.5) -> tuple[str, ...]:
         f"{axes}: hardly watched: at rest most of the time, or too little motion to learn from; "
         "use a plan that moves every axis all the time, such as a trajectory",
     )
+
+
+def load_thresholds(path: Path, model: IdentifiedRobot, period: float | None = None) -> Watched:
+    """Return an earlier watch with the same model, from its folder or file, for its thresholds.
+
+    Parameters
+    ----------
+    path : Path
+    model : IdentifiedRobot
+    period : float, optional
+        Required time between two samples [s].
+
+    Raises
+    ------
+    FileError
+        The file is missing or damaged.
+    Mismatch
+        The watch was with another model, or with another period.
+    NotEnoughData
+        The file is of a version without thresholds for later watches.
+    """
+    found = load_yaml(path / NAME if path.is_dir() else path, Watched)
+    if not all(axis.scatter for axis in found.axes):
+        raise NotEnoughData(f"{path}: written by an earlier version, without scatter; watch again")
+    if found.model_digest != model.digest:
+        raise Mismatch(
+            f"{path}: thresholds of model {found.model_digest[:12]} ({found.model}) do not hold for"
+            f" model {model.digest[:12]}; watch with this model"
+        )
+    if period is not None and abs(found.period / period - 1.0) > 1e-9:
+        raise Mismatch(
+            f"{path}: thresholds hold for samples every {found.period:g} s, not {period:g} s; set "
+            "sync_period of the plan, or watch without --thresholds"
+        )
+    return found

@@ -14,9 +14,11 @@ from hil.export.formats import RECORDINGS, SIMULATORS, export_recordings, refuse
 from hil.export.formats import export as formatted
 from hil.export.patch import find_near_bodies, patched_file, write_patched
 from hil.export.urdf_file import bodies_of, given_urdf, inertial_faults
+from hil.export.watch_code import WATCHES, write_watch
 from hil.results.consistency import find_consistent_robot
 from hil.results.model import Model
 from hil.results.model_file import file_of
+from hil.results.watch import load_thresholds
 from hil.runs.pooling import pooled
 from hil.runs.run import Run
 
@@ -37,6 +39,7 @@ def export(
     urdf: Path | str | None = None,
     patch: Path | str | None = None,
     masses: dict[int, tuple[float, float]] | None = None,
+    watch: Path | str | None = None,
     force: bool = False,
 ) -> tuple[Path, ...]:
     """Export an identified model, or the recordings of a run, to files of other tools.
@@ -57,6 +60,8 @@ def export(
         and otherwise unchanged.
     masses : dict, optional
         Bounds on masses of links, from 1, for ``urdf`` and ``mjcf`` [kg].
+    watch : path, optional
+        Folder of a watch with this model; ``c``, ``python``, ``st`` and ``json`` get its alarms.
     force : bool
         True to export a model whose identification failed.
 
@@ -95,7 +100,9 @@ def export(
         raise InvalidValue(f"the model's identification {model.verdict}; force=True exports it")
     bounds = BodyBounds(masses=masses) if masses else None
     patch = None if patch is None else Path(patch)
-    return write_exported(exported_model(model, to, source, urdf, bounds, patch)[1], output)
+    watch = None if watch is None else Path(watch)
+    exported = exported_model(model, to, source, urdf, bounds, patch, watch)[1]
+    return write_exported(exported, output)
 
 
 def exported_model(
@@ -105,6 +112,7 @@ def exported_model(
     urdf: Path | None = None,
     bounds: BodyBounds | None = None,
     patch: Path | None = None,
+    watch: Path | None = None,
 ) -> tuple[Model, Exported]:
     """Return a model with the exported bodies, and its files in a format; nothing is written.
 
@@ -116,11 +124,16 @@ def exported_model(
         Bounds for a new computation of the bodies.
     patch : path, optional
         File of the format, to be copied with changed values.
+    watch : path, optional
+        Folder of a watch, for the code of its alarms.
 
     Raises
     ------
     InvalidValue
-        A `patch` of another format or together with `urdf`, or a failed identification.
+        A `watch` for another format, a `patch` of another format or together with `urdf`, or a
+        failed identification.
+    Mismatch
+        A `watch` of another model.
     """
     if patch is not None:
         _refuse_patch(model, to, urdf, patch)
@@ -129,8 +142,14 @@ def exported_model(
         return model, write_patched(model, file)
     given = None if urdf is None else given_urdf(urdf, model.robot)
     about = origin(model, source)
+    if watch is not None and to not in WATCHES:
+        raise InvalidValue(f"{to} has no alarms; export a watch to {', '.join(WATCHES)}")
     if to not in SIMULATORS:
-        return model, formatted(model, to, about, given)
+        found = formatted(model, to, about, given)
+        if watch is not None:
+            alarms = write_watch(model, to, about, load_thresholds(watch, model))
+            found = found._replace(files=found.files | alarms)
+        return model, found
     unused = () if given is None else tuple(_unused_inertials(given, model))
     model = _add_bodies(model, source, given, bounds)
     found = formatted(model, to, (*about, *unused), given)

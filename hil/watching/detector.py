@@ -40,18 +40,30 @@ from hil.watching.scatter import Scatter, window_lengths
 from hil.watching.turning import Turning
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator
+    from collections.abc import Iterator, Sequence
 
     from numpy.typing import NDArray
 
     from hil.arrays import Array
     from hil.model.robot import Robot
     from hil.results.model import Model
+    from hil.results.watch import Sight
 
     Flags = NDArray[np.bool_]
 
 SLOW = 0.01
 """Share of the velocity limit below which an axis may be at rest."""
+SIGMAS = 7.0
+"""Threshold in standard deviations of the scatter."""
+BLOCK, LASTING = 0.25, 10.0
+"""Interval at which learned quantities take effect, and duration from which a deviation is learned
+[s]."""
+VISIBLE = 2.0
+"""Largest threshold, relative to the torque limit; above it no push is visible."""
+SURE = 0.05
+"""Largest doubt about friction's direction of samples for learning."""
+GAP = 1.5
+"""Interval between samples from which on samples are missing, in periods."""
 
 
 class Judged(NamedTuple):
@@ -113,6 +125,10 @@ class Detector:
     ----------
     windows : ndarray of int, shape (n_windows,)
         Lengths of the windows [samples].
+    tables, level, turning, scatter
+        Parts of the prediction and of the thresholds.
+    n_block : int
+        Number of samples in a block.
 
     Raises
     ------
@@ -121,28 +137,36 @@ class Detector:
     """
 
     def __init__(
-        self, model: Model, period: float, *, sigmas: float = 7.0, block: float = 0.25
+        self, model: Model, period: float, *, sigmas: float = SIGMAS, block: float = BLOCK
     ) -> None:
         robot, n = model.robot, model.robot.n_joints
         self.windows = np.array(window_lengths(period))
         self._model, self._period = model, period
         self._limit, self._speed = robot.torque_limit, robot.velocity_limit
-        self._tables = FrictionTables(model)
-        self._level = FrictionLevel(self._tables.uncertainty, self._tables.slowest / self._speed)
-        self._turning = Turning(_presliding(model), period)
-        self._scatter = Scatter(self.windows, n, period)
+        self.tables = FrictionTables(model)
+        self.level = FrictionLevel(self.tables.uncertainty, self.tables.slowest / self._speed)
+        self.turning = Turning(_presliding(model), period)
+        self.scatter = Scatter(self.windows, n, period)
         self._recent = np.zeros((2, self.windows[-1], n))
         self._time, self._q, self._tau = np.empty(0), np.empty((0, n)), np.empty((0, n))
         self._since = 0
         self._learned: list[_Learned] = []
-        self._length, self._in_block = max(1, round(block / period)), 0
+        self.n_block, self._in_block = max(1, round(block / period)), 0
         self._sigmas = sigmas
         self._doubted = np.zeros(n)
 
     @property
     def distance(self) -> Array:
         """Presliding distances in use, shape (n_joints,) [rad or m]."""
-        return self._turning.distance
+        return self.turning.distance
+
+    def begin(self, learned: Sequence[Sight]) -> None:
+        """Begin with the thresholds of an earlier watch, instead of unknown scatter."""
+        rms = np.array([axis.scatter for axis in learned]).T / self._limit
+        self.scatter.squares = rms**2
+        self.scatter.weights = np.array([axis.moved for axis in learned]) / self._period
+        self.turning.sums = np.array([axis.reversals for axis in learned]).transpose(1, 2, 0)
+        self.turning.settle()
 
     def take(self, time: Array, q: Array, tau: Array) -> Iterator[Judged]:
         """Judge further samples.
@@ -162,7 +186,7 @@ class Detector:
         there = np.isfinite(q).all(axis=1) & np.isfinite(tau).all(axis=1)
         time, q, tau = time[there], q[there], tau[there]
         last = self._time[-1:] if len(self._time) else time[:1]
-        gaps = np.flatnonzero(np.diff(time, prepend=last) > 1.5 * self._period)
+        gaps = np.flatnonzero(np.diff(time, prepend=last) > GAP * self._period)
         for begin, end in pairwise((0, *gaps, len(time))):
             if begin in gaps:
                 self._time, self._since = self._time[:0], 0
@@ -177,12 +201,12 @@ class Detector:
         self._time, self._q, self._tau = time[-2:], q[-2:], tau[-2:]
         begin, last = 1, len(time) - 1
         while begin < last:
-            end = min(last, begin + self._length - self._in_block)
+            end = min(last, begin + self.n_block - self._in_block)
             rows = slice(begin - 1, end + 1)
             judged = self._judge(time[begin + 1 : end + 1], q[rows], tau[begin:end])
             skipped = min(max(self.windows[-1] - 1 - self._since, 0), end - begin)
             self._since += end - begin
-            self._in_block = (self._in_block + end - begin) % self._length
+            self._in_block = (self._in_block + end - begin) % self.n_block
             if self._in_block == 0:
                 self._learn()
             if skipped < end - begin:
@@ -195,27 +219,27 @@ class Detector:
         qd, qdd = (step[1:] + step[:-1]) / (2 * period), np.diff(step, axis=0) / period**2
         q = q[1:-1]
         rigid = inverse_dynamics(robot, self._model.values, q, qd, qdd)
-        offset, level = self._tables.evaluate(qd, rigid)
+        offset, level = self.tables.evaluate(qd, rigid)
         frictionless = rigid + motor_torque(robot, q, qd, qdd) + offset
-        turn = self._turning.take(step[:-1], qd, measured - frictionless, level)
+        turn = self.turning.take(step[:-1], qd, measured - frictionless, level)
         speed = np.abs(qd) / self._speed
         columns = columns_of(turn.direction, level / self._limit, speed)
-        drifted, spread = self._level.evaluate(columns)
+        drifted, spread = self.level.evaluate(columns)
         predicted = frictionless + turn.direction * level + turn.damping + drifted * self._limit
         left = (measured - predicted) / self._limit
         rest = np.clip(1.0 - speed / SLOW, 0.0, 1.0) * (1.0 + np.abs(turn.direction))
         wrong = np.maximum(turn.doubt, rest)
         means, bands = self._windows(left, wrong * level / self._limit)
         error = 4 * (spread**2 + self._parameter_variance(robot, q, qd))[:, np.newaxis]
-        scatter = self._scatter.bound
+        scatter = self.scatter.bound
         # standard deviations for the alarm threshold, and for the displayed 95 % band
         threshold, band = (
             np.sqrt((sigmas * scatter) ** 2 + error) + bands for sigmas in (self._sigmas, 1.96)
         )
-        threshold[threshold > 2.0] = np.inf  # twice the torque limit: no push is visible
+        threshold[threshold > VISIBLE] = np.inf
         moving = speed > SLOW
         doubtful: Flags = np.asarray(np.any(np.abs(means) > threshold, axis=1))
-        sure = moving & (turn.doubt < 0.05)  # of friction's direction
+        sure = moving & (turn.doubt < SURE)
         self._learned.append(_Learned(columns, left, means, doubtful, sure))
         shown = (-means * self._limit, threshold * self._limit, band * self._limit)
         return Judged(time, measured, predicted, *shown, moving)
@@ -236,7 +260,7 @@ class Detector:
         means = (sums[:, ends] - sums[:, ends - self.windows]) / self.windows[:, np.newaxis]
         return means[0], means[1]
 
-    def _learn(self, longest: float = 10.0) -> None:
+    def _learn(self, longest: float = LASTING) -> None:
         """Learn from the results of a block.
 
         A deviation that lasts `longest` [s] is learned as well: a load, or changed friction.
@@ -246,15 +270,15 @@ class Detector:
         self._learned.clear()
         duration = len(left) * self._period
         # without a known scatter every block would be doubtful, and only the quietest would be used
-        doubted = doubtful.any(axis=0) & self._scatter.known
+        doubted = doubtful.any(axis=0) & self.scatter.known
         self._doubted = np.where(doubted, self._doubted + duration, 0.0)
         trusted = (self._doubted == 0) | (self._doubted > longest)
-        self._turning.settle(trusted)
+        self.turning.settle(trusted)
         if self._since < self.windows[-1] + len(left):
             return
         used = sure & trusted
-        self._scatter.take(means, used)
-        self._level.follow(columns, left, used, duration)
+        self.scatter.take(means, used)
+        self.level.follow(columns, left, used, duration)
 
 
 def _presliding(model: Model) -> Array:

@@ -33,6 +33,8 @@ if TYPE_CHECKING:
 
 
 NODES = 401
+LAST_PLACE = NODES - 1.001
+"""Largest place in the tables."""
 
 
 class FrictionTables:
@@ -50,6 +52,10 @@ class FrictionTables:
         Greatest standard error of the level, relative to the level.
     slowest : ndarray, shape (n_joints,)
         Speeds below which the law is extrapolated [rad/s or m/s].
+    values : ndarray, shape (4, n_nodes, n_joints)
+        Offset and level by speed [N m or N], and their change by a load of 1 N m or N.
+    per_node : ndarray, shape (n_joints,)
+        Number of nodes per speed [s/rad or s/m].
 
     Raises
     ------
@@ -61,11 +67,11 @@ class FrictionTables:
         self._model = model
         self._law = known_friction(model, of_all=True)
         reach = fastest * model.robot.velocity_limit
-        self._per_node = (NODES - 1) / reach
+        self.per_node = (NODES - 1) / reach
         speeds = np.linspace(0.0, 1.0, NODES)[:, np.newaxis] * reach
         free, loaded = self._both_ways(speeds, 0.0), self._both_ways(speeds, 1.0)
-        tables = np.concatenate([free, loaded - free])
-        self._tables = np.concatenate([tables[:, :-1], np.diff(tables, axis=1)])
+        self.values = np.concatenate([free, loaded - free])
+        self._tables = np.concatenate([self.values[:, :-1], np.diff(self.values, axis=1)])
         self._axes = np.arange(model.robot.n_joints)
         self.slowest = np.array(
             [axis.speeds[0] if axis and axis.speeds else 0.0 for axis in self._law.axes]
@@ -80,7 +86,7 @@ class FrictionTables:
         qd, load : ndarray, shape (n, n_joints)
             Velocities [rad/s or m/s] and torques of the rigid bodies [N m or N].
         """
-        place = np.minimum(np.abs(qd) * self._per_node, NODES - 1.001)
+        place = np.minimum(np.abs(qd) * self.per_node, LAST_PLACE)
         node = place.astype(np.intp)
         found = self._tables[:, node, self._axes]
         offset, level, offset_by_load, level_by_load = found[:4] + (place - node) * found[4:]
@@ -120,6 +126,8 @@ LEVEL, SHAPE, OFFSET = 0.02, 0.05, 0.01
 relative to the torque limit."""
 LEVEL_WANDER, SHAPE_WANDER, OFFSET_WANDER = 0.05, 0.04, 0.005
 """Standard deviations of the random walk per minute, in the same units."""
+ERROR = 0.004
+"""Error of a block's mean not due to friction, as a share of the torque limit."""
 N_UNKNOWNS = len(SPEEDS) + 1
 """Number of unknowns: friction deviation by speed, and offset."""
 
@@ -133,20 +141,27 @@ class FrictionLevel:
         Uncertainty of the law's level, relative to the level.
     slowest : ndarray, shape (n_joints,)
         Smallest speeds of the law's data, as shares of the velocity limit.
+
+    Attributes
+    ----------
+    covariance : ndarray, shape (n_joints, n_unknowns, n_unknowns)
+        Covariance of the unknowns.
+    wander : ndarray, shape (n_unknowns, n_unknowns)
+        Covariance of their random walk over a minute.
     """
 
     def __init__(self, uncertainty: Array, slowest: Array) -> None:
         self._x = np.zeros((len(uncertainty), N_UNKNOWNS))
         below = np.clip(1.0 - SPEEDS / np.maximum(slowest, 1e-9)[:, np.newaxis], 0.0, 1.0)
         shape = np.maximum(SHAPE, 0.2 * below)  # far below the speeds of the law's data
-        self._covariance = np.stack(
+        self.covariance = np.stack(
             [
                 _covariance(max(LEVEL, own), spread, OFFSET)
                 for own, spread in zip(uncertainty, shape, strict=True)
             ]
         )
         even = np.full(len(SPEEDS), SHAPE_WANDER)
-        self._wander = _covariance(LEVEL_WANDER, even, OFFSET_WANDER)
+        self.wander = _covariance(LEVEL_WANDER, even, OFFSET_WANDER)
 
     def evaluate(self, columns: Array) -> tuple[Array, Array]:
         """Return friction deviation and standard error, as shares of the torque limit.
@@ -156,11 +171,11 @@ class FrictionLevel:
         columns : ndarray, shape (n, n_joints, n_unknowns)
             Columns from `columns_of`.
         """
-        spread = np.einsum("njk,jkl,njl->nj", columns, self._covariance, columns)
+        spread = np.einsum("njk,jkl,njl->nj", columns, self.covariance, columns)
         return np.einsum("njk,jk->nj", columns, self._x), np.sqrt(spread)
 
     def follow(
-        self, columns: Array, left: Array, used: Array, duration: float, error: float = 0.004
+        self, columns: Array, left: Array, used: Array, duration: float, error: float = ERROR
     ) -> None:
         """Update by a block of samples.
 
@@ -176,14 +191,14 @@ class FrictionLevel:
         error : float
             Error of a block's mean not due to friction, as a share of the torque limit.
         """
-        walk = self._wander * duration / 60
+        walk = self.wander * duration / 60
         weight = used / (error**2 * len(left))
         information = np.einsum("njk,nj,njl->jkl", columns, weight, columns)
         shown = np.einsum("njk,nj,nj->jk", columns, weight, left)
-        before = self._covariance + walk
+        before = self.covariance + walk
         narrowed = np.linalg.solve(np.eye(N_UNKNOWNS) + before @ information, before)
-        self._covariance = (narrowed + np.swapaxes(narrowed, 1, 2)) / 2
-        self._x = self._x + np.einsum("jkl,jl->jk", self._covariance, shown)
+        self.covariance = (narrowed + np.swapaxes(narrowed, 1, 2)) / 2
+        self._x = self._x + np.einsum("jkl,jl->jk", self.covariance, shown)
 
 
 def columns_of(direction: Array, level: Array, speed: Array) -> Array:

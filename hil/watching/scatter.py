@@ -14,6 +14,8 @@ if TYPE_CHECKING:
 
 SURE = 3.0
 """Allowance for the chance error in a mean of few squares, in standard deviations."""
+MEMORY, ENOUGH = 120.0, 15.0
+"""Averaging time of squares, and minimum time of motion for a valid mean [s]."""
 
 
 def window_lengths(period: float, seconds: float = 0.1, shortest: int = 2) -> tuple[int, ...]:
@@ -39,6 +41,13 @@ class Scatter:
         Time between two samples [s].
     memory, enough : float
         Averaging time of squares, and minimum time of motion for a valid mean [s].
+
+    Attributes
+    ----------
+    squares : ndarray, shape (n_windows, n_joints)
+        Mean squares.
+    weights : ndarray, shape (n_joints,)
+        Number of samples in the means, at most that of `memory`.
     """
 
     def __init__(
@@ -47,18 +56,18 @@ class Scatter:
         n_joints: int,
         period: float,
         *,
-        memory: float = 120.0,
-        enough: float = 15.0,
+        memory: float = MEMORY,
+        enough: float = ENOUGH,
     ) -> None:
         self._lengths = lengths
-        self._squares = np.zeros((len(lengths), n_joints))
-        self._weights = np.zeros(n_joints)
+        self.squares = np.zeros((len(lengths), n_joints))
+        self.weights = np.zeros(n_joints)
         self._most, self._enough = memory / period, enough / period
 
     @property
     def rms(self) -> Array:
         """Root mean squares, shape (n_windows, n_joints); 0 before the first sample."""
-        return np.sqrt(self._squares)
+        return np.sqrt(self.squares)
 
     @property
     def bound(self) -> Array:
@@ -68,7 +77,7 @@ class Scatter:
         small as (1 - 2 / 9n - `SURE` sqrt(2 / 9n))^3 times the true mean (Wilson and Hilferty,
         Proc. Natl. Acad. Sci. 17, 1931). If this factor is not positive, the bound is infinite.
         """
-        ninths = 2 / 9 * self._lengths[:, np.newaxis] / np.maximum(self._weights, 1e-9)
+        ninths = 2 / 9 * self._lengths[:, np.newaxis] / np.maximum(self.weights, 1e-9)
         least = (1.0 - ninths - SURE * np.sqrt(ninths)).clip(0.0) ** 3
         rms = np.divide(self.rms, np.sqrt(least), out=np.full_like(least, np.inf), where=least > 0)
         return np.where(self.known, self.rms, rms)
@@ -76,7 +85,7 @@ class Scatter:
     @property
     def known(self) -> NDArray[np.bool_]:
         """Mask of axes with enough motion, shape (n_joints,)."""
-        return np.asarray(self._weights >= self._enough)
+        return np.asarray(self.weights >= self._enough)
 
     def take(self, means: Array, used: NDArray[np.bool_]) -> None:
         """Update by the windows ending at some samples.
@@ -87,7 +96,7 @@ class Scatter:
         used : ndarray of bool, shape (n, n_joints)
         """
         number = used.sum(axis=0)
-        self._weights = np.minimum(self._weights + number, self._most)
+        self.weights = np.minimum(self.weights + number, self._most)
         mean = np.einsum("nwj,nj->wj", means**2, used) / np.maximum(number, 1)
-        share = number / np.maximum(self._weights, 1.0)
-        self._squares += share * (mean - self._squares)
+        share = number / np.maximum(self.weights, 1.0)
+        self.squares += share * (mean - self.squares)

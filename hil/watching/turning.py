@@ -35,6 +35,14 @@ if TYPE_CHECKING:
 
 DISTANCES = 5e-5 * 2.0 ** np.arange(9)
 """Candidate presliding distances [rad or m]."""
+DAMPING_DOUBT = 0.3
+"""Uncertainty of the damping, relative to the damping (`Turning.take`)."""
+ENOUGH = 25
+"""Minimum number of samples after reversals for the choice of a distance."""
+TURNING = 0.05
+"""Difference between the directions of the extreme distances, from which on an axis reverses."""
+UNKNOWN = 1e3
+"""Doubt about an unknown direction: no push is visible."""
 
 
 class Turned(NamedTuple):
@@ -66,25 +74,38 @@ class Turning:
         Time between two samples [s].
     still : float
         Time within the shortest distance after which an axis counts as being at rest [s].
+
+    Attributes
+    ----------
+    sums : ndarray, shape (4, n_distances, n_joints)
+        Sums over the samples after reversals, for the fit of distance and damping: squares of
+        friction's error, products with the slip speed, squares of the slip speed, and number.
+    taken : ndarray of int, shape (n_joints,)
+        Positions of the distances in use in `DISTANCES`.
+    known : ndarray of bool, shape (n_joints,)
+        True for a distance known from the model.
+    n_still : int
+        Number of samples in `still`.
     """
 
     def __init__(self, known: Array, period: float, still: float = 0.1) -> None:
         n = len(known)
         self._row = np.zeros((len(DISTANCES), n))
-        self._sums, self._new = np.zeros((2, 4, len(DISTANCES), n))
+        self.sums, self._new = np.zeros((2, 4, len(DISTANCES), n))
         self._shown = np.zeros(n, dtype=bool)
-        self._known = known > 0
-        nearest = np.abs(np.log(DISTANCES[:, np.newaxis] / np.where(self._known, known, 1e-3)))
-        self._taken = nearest.argmin(axis=0)
+        self.known = known > 0
+        nearest = np.abs(np.log(DISTANCES[:, np.newaxis] / np.where(self.known, known, 1e-3)))
+        self.taken = nearest.argmin(axis=0)
         self._damping = np.zeros(n)
         self._axes = np.arange(n)
-        self._recent = np.zeros((max(2, round(still / period)), n))
+        self.n_still = max(2, round(still / period))
+        self._recent = np.zeros((self.n_still, n))
         self._open = np.ones(n)
 
     @property
     def distance(self) -> Array:
         """Presliding distances in use, shape (n_joints,) [rad or m]."""
-        return np.asarray(DISTANCES[self._taken])
+        return np.asarray(DISTANCES[self.taken])
 
     @property
     def damping(self) -> Array:
@@ -92,7 +113,12 @@ class Turning:
         return self._damping
 
     def take(
-        self, step: Array, qd: Array, friction: Array, level: Array, damping_doubt: float = 0.3
+        self,
+        step: Array,
+        qd: Array,
+        friction: Array,
+        level: Array,
+        damping_doubt: float = DAMPING_DOUBT,
     ) -> Turned:
         """Process samples in order.
 
@@ -113,34 +139,34 @@ class Turning:
         still = self._still(step)
         rows, unknown = self._directions(step, still)
         slip = qd[:, np.newaxis] - np.abs(qd)[:, np.newaxis] * rows
-        turning = np.abs(rows[:, -1] - rows[:, 0]) > 0.05  # the directions of the distances differ
+        turning = np.abs(rows[:, -1] - rows[:, 0]) > TURNING
         self._learn(turning & ~still & (level > 0), rows, slip, friction, level)
         slower, faster = self._neighbours
         apart = np.abs(rows[:, slower, self._axes] - rows[:, faster, self._axes])
-        damping = self._damping * slip[:, self._taken, self._axes]
+        damping = self._damping * slip[:, self.taken, self._axes]
         doubt = np.maximum(apart, unknown)
         doubt += damping_doubt * np.abs(damping) / np.maximum(level, 1e-9)
-        doubt[turning & ~self._shown] = 1e3  # pushes are invisible before enough reversals
-        return Turned(rows[:, self._taken, self._axes], damping, doubt)
+        doubt[turning & ~self._shown] = UNKNOWN  # pushes are invisible before enough reversals
+        return Turned(rows[:, self.taken, self._axes], damping, doubt)
 
-    def settle(self, used: Flags | bool = True, enough: int = 25) -> None:
+    def settle(self, used: Flags | bool = True, enough: int = ENOUGH) -> None:
         """Use the new samples of `used` axes for fitting.
 
         The best fitting distance and damping of each axis are selected after `enough` samples.
         """
-        self._sums += np.where(used, self._new, 0.0)
+        self.sums += np.where(used, self._new, 0.0)
         self._new[:] = 0.0
-        squares, products, slips, (seen, *_) = self._sums
+        squares, products, slips, (seen, *_) = self.sums
         self._shown = seen >= enough
         damping = products.clip(0.0) / np.maximum(slips, 1e-12)
         best = (squares - damping * products).argmin(axis=0)
-        self._taken = np.where(self._shown & ~self._known, best, self._taken)
-        self._damping = np.where(self._shown, damping[self._taken, self._axes], 0.0)
+        self.taken = np.where(self._shown & ~self.known, best, self.taken)
+        self._damping = np.where(self._shown, damping[self.taken, self._axes], 0.0)
 
     @property
     def _neighbours(self) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
         """Slower and faster neighbours of the distances in use."""
-        return np.minimum(self._taken + 1, len(DISTANCES) - 1), np.maximum(self._taken - 1, 0)
+        return np.minimum(self.taken + 1, len(DISTANCES) - 1), np.maximum(self.taken - 1, 0)
 
     def _still(self, step: Array) -> Flags:
         """Return True for axes within the shortest distance, shape (n, n_joints)."""
@@ -161,7 +187,7 @@ class Turning:
         rows, unknown = np.empty_like(kept), np.empty_like(step)
         for i, (sign, share) in enumerate(zip(signs, kept, strict=True)):
             rows[i] = self._row = sign - (sign - self._row) * share
-            held = 1.0 + np.abs(self._row[self._taken, self._axes])
+            held = 1.0 + np.abs(self._row[self.taken, self._axes])
             unknown[i] = self._open = np.where(still[i], held, self._open * left[i])
         return rows, unknown
 

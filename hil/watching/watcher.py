@@ -16,7 +16,7 @@ from hil.watching.detector import Detector, Judged
 from hil.watching.trace import Trace
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterator
+    from collections.abc import Callable, Iterator, Sequence
 
     from drivers.drive_bus import DriveBus, Sample
     from hil.arrays import Array
@@ -25,6 +25,8 @@ if TYPE_CHECKING:
 
 APART = 0.04
 """Averaging time of displayed torques [s]: 25 values per second."""
+OVER = 0.25
+"""Time without a sign after which an alarm ends [s]."""
 HELD = 500
 """Maximum number of means kept for display: 20 s of motion."""
 
@@ -58,6 +60,8 @@ class Watcher:
         Time between two samples [s].
     learning : float
         Time of motion in which scatter is learned and no alarm raised [s].
+    thresholds : sequence of Sight, optional
+        Axes of an earlier watch; their thresholds hold from the start, without learning.
 
     Attributes
     ----------
@@ -72,9 +76,14 @@ class Watcher:
         The model has no law of friction.
     """
 
-    def __init__(self, model: Model, period: float, learning: float) -> None:
+    def __init__(
+        self, model: Model, period: float, learning: float, thresholds: Sequence[Sight] = ()
+    ) -> None:
         self._detector = Detector(model, period)
-        self._robot, self._period, self._needed = model.robot, period, round(learning / period)
+        self._model, self._robot, self._period = model, model.robot, period
+        self._needed = 0 if thresholds else round(learning / period)
+        if thresholds:
+            self._detector.begin(thresholds)
         n = model.robot.n_joints
         self._lengths = period * self._detector.windows
         # the last sample of a window is known one period later
@@ -179,6 +188,7 @@ class Watcher:
             robot_digest=self._robot.digest,
             plan_digest=plan_digest,
             model=model,
+            model_digest=self._model.digest,
             period=self._period,
             learned=round(self.learned, 6),
             watched=round(self.watched, 6),
@@ -225,9 +235,9 @@ class Watcher:
         return begun
 
     def _update_alarms(
-        self, judged: Judged, row: int, ratio: Array, signs: Array, over: float = 0.25
+        self, judged: Judged, row: int, ratio: Array, signs: Array
     ) -> Iterator[Alarm]:
-        """Start new alarms, continue open alarms, and end alarms without a sign for `over` [s]."""
+        """Start new alarms, continue open alarms, and end alarms without a sign for `OVER`."""
         now = float(judged.time[row])
         for axis in np.flatnonzero(signs).tolist():
             self._signs[axis] = now
@@ -240,7 +250,8 @@ class Watcher:
             self.alarms[number] = self._gone_on(
                 self.alarms[number], float(judged.outside[row, self._soon, axis])
             )
-            if now - self._signs[axis] > over:
+            # a quarter of a period: the same sample ends an alarm whatever the rounding of times
+            if now - self._signs[axis] > OVER + self._period / 4:
                 del self._open[axis]
 
     def _alarm(self, judged: Judged, row: int, axis: int, window: int) -> Alarm:
@@ -275,6 +286,8 @@ class Watcher:
         found = np.array(self._thresholds or [np.full((2, self._robot.n_joints), np.nan)])
         shown = found[~np.isnan(found[:, 0, axis]), :, axis]
         soon, late = np.median(shown, axis=0) if len(shown) else (np.inf, np.inf)
+        learned = self._detector.scatter
+        rms = learned.rms[:, axis] * self._robot.torque_limit[axis]
         shares = np.array([self._still[axis], *self._unseen[:, axis]]) / max(self._judged, 1)
         still, blind, dim = shares.tolist()
         return Sight(
@@ -287,6 +300,9 @@ class Watcher:
             blind=blind,
             dim=dim,
             distance=float(self._detector.distance[axis]),
+            scatter=tuple(rms.tolist()),
+            moved=float(learned.weights[axis] * self._period),
+            reversals=tuple(map(tuple, self._detector.turning.sums[:, :, axis].tolist())),
         )
 
 

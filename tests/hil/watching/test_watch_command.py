@@ -13,6 +13,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 import pytest
 import yaml
+from compiled_code import needs_compiler
+from exported_watch import alarms_in_c, alarms_in_python, alarms_in_structured_text
 from terminal import Terminal
 from typer.testing import CliRunner
 
@@ -38,6 +40,7 @@ if TYPE_CHECKING:
     from pathlib import Path
 
     from click.testing import Result
+    from exported_watch import Samples
 
     from hil.planning.measurement import Measurement
 
@@ -213,6 +216,49 @@ def test_samples_one_by_one_or_in_small_groups_show_what_all_together_show(
     for one, all_ in zip(live.sights(), later.sights(), strict=True):
         assert (one.soon, one.late) == pytest.approx((all_.soon, all_.late), rel=1e-9)
         assert (one.blind, one.dim, one.distance) == (all_.blind, all_.dim, all_.distance)
+
+
+@needs_compiler
+@pytest.mark.parametrize("learned", [False, True])
+def test_exported_code_raises_the_alarms_of_the_watch(
+    pushed: tuple[Path, Result], model: Path, tmp_path: Path, learned: bool
+) -> None:
+    recording, found = Run.open(pushed[0] / "run")["t"].recording, pushed[0] / NAME
+    whole = recording.time, recording.q, recording.tau
+    around = (recording.time > 7.0) & (recording.time < 8.2)  # the first push
+    part = recording.time[around], recording.q[around], recording.tau[around]
+    loaded, thresholds = Model.load(model), load_yaml(found, Watched)
+
+    def wanted(samples: Samples) -> list[tuple[int, float]]:
+        watcher = Watcher(loaded, 0.004, LEARNED, thresholds.axes if learned else ())
+        watcher.take_all(*samples)
+        return [(alarm.axis, alarm.time) for alarm in watcher.alarms]
+
+    assert [axis for axis, _ in wanted(whole)] == list(PUSHES)
+    assert alarms_in_c(loaded, thresholds, whole, tmp_path, learned=learned) == wanted(whole)
+    assert alarms_in_python(loaded, thresholds, whole, learned=learned) == wanted(whole)
+    assert [axis for axis, _ in wanted(part)] == [2] * learned
+    assert alarms_in_structured_text(loaded, thresholds, part, learned=learned) == wanted(part)
+
+
+@needs_compiler
+def test_thresholds_of_an_earlier_watch_hold_from_the_start(
+    pushed: tuple[Path, Result], model: Path, plan: Path, tmp_path: Path
+) -> None:
+    words = ("--model", model, "--thresholds", pushed[0], "-o", tmp_path / "clean")
+    done = called("watch", plan, *words)
+    assert done.exit_code == 0, done.output
+    clean = load_yaml(tmp_path / "clean" / NAME, Watched)
+    assert (clean.learned, clean.alarms) == (0, ())
+    assert clean.watched > 10
+    assert "thresholds learned from" not in done.output
+    code = tmp_path / "code"
+    done = called("export", model, "--to", "json", "--watch", tmp_path / "clean", "-o", code)
+    assert done.exit_code == 0, done.output
+    assert (code / "manutec_r15_watch.json").exists()
+    recording = Run.open(tmp_path / "clean" / "run")["t"].recording
+    samples = recording.time, recording.q, recording.tau
+    assert alarms_in_c(Model.load(model), clean, samples, tmp_path, learned=True) == []
 
 
 def test_a_gap_is_no_push(pushed: tuple[Path, Result], model: Path) -> None:
