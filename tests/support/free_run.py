@@ -84,17 +84,19 @@ def recorded(
     noise: float = 0.3,
     of_position: float = 0.0,
     velocity: float | None = None,
+    pace: float = 1.0,
     seed: int = 0,
 ) -> FreeRecorded:
     """Return the recording of ideal drives.
 
     `noise` is that of the torque [N m], `of_position` that of the position [rad], `velocity` that
-    of a recorded velocity [rad/s].
+    of a recorded velocity [rad/s]. `pace` scales the speed of the motion.
     """
     rng, found = np.random.default_rng(seed), []
     for k in range(n):
         t = PERIOD * np.arange(round(duration / PERIOD))
-        q, qd, qdd = some_motion(t, seed + k)
+        q, qd, qdd = some_motion(pace * t, seed + k)
+        qd, qdd = pace * qd, pace**2 * qdd
         tau = (
             inverse_dynamics(robot, p, q, qd, qdd) + motor_torque(robot, q, qd, qdd) + friction(qd)
         )

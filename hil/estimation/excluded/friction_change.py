@@ -6,13 +6,15 @@ each axis. For part k of the earlier or later recordings, the regression
 
     tau - A p - own columns = g_k phi(v) + o_k + e
 
-gives the level g_k. The variance of a level among the earlier parts and among the later parts is
-moderated over the axes (`moderated`) and is at least the variance due to e. Recordings as a whole
-may differ by as much as their parts do. Warmth changes friction of all axes together
-(`hil.results.changes`). So for three axes or more, the median of the other axes' relative changes
-is subtracted from each change, and the rest is tested. The median of m other axes with standard
-deviations s_j has the variance (pi / 2) m / (sum 1 / s_j)^2, as for normal distributions with one
-mean.
+gives the level g_k. Curves of friction are never exact, and their error depends on the speed: so
+only speeds that both recordings have in common count, and rows are weighted so that both have the
+same distribution over `BINS` classes of speed, by the smaller share of each class. The variance of
+a level among the earlier parts and among the later parts is moderated over the axes (`moderated`)
+and is at least the variance due to e. Recordings as a whole may differ by as much as their parts
+do. Warmth changes friction of all axes together (`hil.results.changes`). So for three axes or more,
+the median of the other axes' relative changes is subtracted from each change, and the rest is
+tested. The median of m other axes with standard deviations s_j has the variance (pi / 2) m / (sum 1
+/ s_j)^2, as for normal distributions with one mean.
 """
 
 from __future__ import annotations
@@ -38,6 +40,9 @@ if TYPE_CHECKING:
 FRICTION = "friction"
 SEVERAL = 3
 """Minimum number of axes for which the median change of the others is subtracted."""
+BINS = 8
+"""Number of classes of speed, each with as many earlier rows: over an eighth of them a smooth curve
+of friction hardly differs in shape from that of the test."""
 FEWEST = 30
 """Minimum number of rows for level and offset of a part: their error is a fifth of the noise."""
 
@@ -79,11 +84,14 @@ def friction_changes(
     level = LEVEL / FAMILIES / len(axes)
     need = [np.sqrt(noncentrality(1, max(math.floor(each), 1), level)) for each in degrees]
     size = need * error + np.abs(change)  # as in `limits`
+    cause = CAUSES[FRICTION]
+    if len(axes) < SEVERAL:
+        cause = cause._replace(words="friction greater by")
     found = tuple(
         Found(
             cause=FRICTION,
             axes=(axes[k] + 1,),
-            detail=CAUSES[FRICTION].sized(100.0 * change[k], 100.0 * error[k], "%"),
+            detail=cause.sized(100.0 * change[k], 100.0 * error[k], "%"),
             size=100.0 * float(change[k]),
             error=100.0 * float(error[k]),
         )
@@ -130,23 +138,42 @@ def _levels(p: Array, evidence: Evidence, axis: int) -> _Levels | None:
     own = evidence.own[:, evidence.own[early].any(axis=0)]
     v = evidence.motion[1, 1, :, axis]
     terms = np.column_stack([np.sign(v), v, np.cbrt(v), own])
+    weights = _shared_speeds(np.abs(v), early, late)
     torque = evidence.torque - evidence.X @ p
     coefficients, *_ = np.linalg.lstsq(terms[early], torque[early], rcond=None)
     curve = terms[:, :3] @ coefficients[:3]
     rest = torque - terms[:, 3:] @ coefficients[3:]
     levels, floor = [], 0.0
     for part in (early, late):
-        pieces = _pieces(part, evidence.time, v)
+        pieces = _pieces(part[weights[part] > 0], evidence.time, v)
         if pieces is None:
             return None
-        fits = [_level(rest[at], curve[at], v[at]) for at in pieces]
+        fits = [_level(rest[at], curve[at], v[at], weights[at]) for at in pieces]
         levels.append(np.array([level for level, _ in fits]))
         floor += float(np.mean([variance for _, variance in fits])) / 2.0
     square = float(np.mean(evidence.recorded[rows] ** 2))
-    if levels[0].mean() <= 0.0 or not square:
+    # a model whose friction would drive the axis shows no change of it
+    if min(each.mean() for each in levels) <= 0.0 or not square:
         return None
     share = 0.01 * float(np.sqrt(np.mean(curve[early] ** 2) / square))
     return _Levels(levels[0], levels[1], floor, share)
+
+
+def _shared_speeds(speed: Array, early: Indices, late: Indices) -> Array:
+    """Return the weight of each row, so that both recordings have the same speeds."""
+    weights = np.zeros(len(speed))
+    if not (len(early) and len(late)):
+        return weights
+    edges = np.quantile(speed[early], np.linspace(0.0, 1.0, BINS + 1))
+    inside = [
+        part[(speed[part] >= edges[0]) & (speed[part] <= edges[-1])] for part in (early, late)
+    ]
+    at = [np.clip(np.searchsorted(edges, speed[part], "right") - 1, 0, BINS - 1) for part in inside]
+    shares = [np.bincount(k, minlength=BINS) / max(len(k), 1) for k in at]
+    least = np.minimum(*shares)
+    for part, k, share in zip(inside, at, shares, strict=True):
+        weights[part] = (least / np.maximum(share, np.finfo(float).tiny))[k]
+    return weights
 
 
 def _pieces(rows: Indices, time: Array, v: Array) -> list[Indices] | None:
@@ -161,12 +188,12 @@ def _pieces(rows: Indices, time: Array, v: Array) -> list[Indices] | None:
     return None
 
 
-def _level(rest: Array, curve: Array, v: Array) -> tuple[float, float]:
+def _level(rest: Array, curve: Array, v: Array, weights: Array) -> tuple[float, float]:
     """Fit level and offset of a part; return the level and its variance by the residual."""
-    terms = np.column_stack([curve, np.ones(len(curve))])
-    found, *_ = np.linalg.lstsq(terms, rest, rcond=None)
+    terms, root = np.column_stack([curve, np.ones(len(curve))]), np.sqrt(weights)
+    found, *_ = np.linalg.lstsq(terms * root[:, np.newaxis], rest * root, rcond=None)
     left = rest - terms @ found
     strokes = 1 + np.count_nonzero(np.diff(np.sign(v)))
-    around = curve - curve.mean()
-    variance = np.mean(left**2) / max(float(np.mean(around**2)), np.finfo(float).tiny) / strokes
-    return float(found[0]), float(variance)
+    around = curve - np.average(curve, weights=weights)
+    square, size = (float(np.average(x**2, weights=weights)) for x in (left, around))
+    return float(found[0]), square / max(size, np.finfo(float).tiny) / strokes

@@ -373,6 +373,47 @@ def test_friction_that_changed_is_named_with_axis_and_size(
     assert found.error < found.size / 4
 
 
+@pytest.mark.parametrize("seed", [50, 60, 70])
+def test_friction_at_other_speeds_is_no_change_of_friction(robot: Robot, seed: int) -> None:
+    p = np.array([TRUTH[head] for head in base_parameters(robot).heads])
+    size = np.array([9.0, 6.0])
+
+    def usual(qd: Array) -> Array:
+        return size * np.tanh(qd / 0.4)  # outside the terms of the test's curve
+
+    def less(qd: Array) -> Array:
+        return 0.7 * usual(qd)
+
+    before = recorded(robot, p, usual, n=3, seed=5)
+    for pace in (0.12, 0.5):
+        after = recorded(robot, p, usual, n=3, pace=pace, seed=seed)
+        assert friction_changes_between(robot, before, after) == []
+    after = recorded(robot, p, less, n=3, pace=0.5, seed=seed)
+    assert friction_changes_between(robot, before, after) == [1, 2]
+
+
+def test_friction_at_speeds_that_no_two_runs_share_is_not_compared(
+    robot: Robot, good: FreeRecorded
+) -> None:
+    def fast_alone(recorded: FreeRecorded) -> FreeRecorded:
+        """Return recordings without torques of slow motion."""
+        for _, recording in recorded:
+            speed = np.abs(np.gradient(recording.q, recording.period, axis=0))
+            recording.flags[speed < 0.2] = 1
+        return recorded
+
+    p = np.array([TRUTH[head] for head in base_parameters(robot).heads])
+    after = recorded(robot, p, n=3, pace=0.1, seed=50)
+    proof = changed_between(robot, fast_alone(good), after)
+    assert "friction" not in {each.cause for each in proof.limits}
+
+
+def friction_changes_between(robot: Robot, before: FreeRecorded, after: FreeRecorded) -> list[int]:
+    """Return the axes, from 1, whose friction is said to have changed."""
+    found = changed_between(robot, before, after).found
+    return sorted(each.axes[0] for each in found if each.cause == "friction")
+
+
 def test_friction_that_falls_with_the_load_is_no_cause(robot: Robot, good: FreeRecorded) -> None:
     def falling(q: Array, tau: Array, time: Array) -> None:
         qd = np.gradient(q[:, 0], np.median(np.diff(time)))
