@@ -98,7 +98,11 @@ def show_flaws(kept: Kept, folder: Path, pool: ProcessPoolExecutor, seed: int) -
         Case(twin, cause, axis, times, times * least[k], seed + 1 + k)
         for k, (twin, cause, axis) in enumerate(FLAWS)
         for times in SIZES
+        if least[k]
     ]
+    for (twin, cause, axis), size in zip(FLAWS, least, strict=True):
+        if not size:
+            print(f"{cause}, {twin or ROBOT}, axis {axis}: no size stated, none planted")
     # flaws put into a clean run are put into the run of the stated sizes
     cases = [c if c.cause in PLANTS and not c.twin else c._replace(seed=seed) for c in cases]
     count: dict[float, list[str]] = {times: [] for times in SIZES}

@@ -11,8 +11,9 @@ deviation, if the previous run had none::
 
     python benchmarks/fleet.py --machines 10 100 1000 --seed 41
 
-`--models N` writes the model files of the first N runs instead (100 kB each), and measures the time
-and memory of `hil fleet index` for them, on this machine's cores::
+`--models N` writes the model files of N runs instead (100 kB each), and measures the time and
+memory of `hil fleet index` for them, on this machine's cores; `--keep FOLDER` keeps the files for
+another measurement::
 
     python benchmarks/fleet.py --models 28000 --seed 41
 """
@@ -21,6 +22,7 @@ from __future__ import annotations
 
 import argparse
 import resource
+import shutil
 import subprocess
 import sys
 import tempfile
@@ -152,24 +154,31 @@ def main() -> None:
     parser.add_argument("--machines", type=int, nargs="+", default=[10, 100, 1000])
     parser.add_argument("--models", type=int)
     parser.add_argument("--seed", type=int, default=41)
+    parser.add_argument("--keep", type=Path)
     given = parser.parse_args()
     with tempfile.TemporaryDirectory() as name:
-        folder = Path(name)
-        model = campaign(folder)
+        folder = given.keep or Path(name)
         if given.models:
-            index_models(model, folder, given.models, given.seed)
+            if not (folder / "plant").exists():
+                write_models(campaign(folder), folder, given.models, given.seed)
+            index_models(folder, given.models, given.seed)
         else:
-            judge_machines(model, folder, given.machines, given.seed)
+            judge_machines(campaign(folder), folder, given.machines, given.seed)
 
 
-def index_models(model: hil.Model, folder: Path, number: int, seed: int) -> None:
-    """Write the models of runs, and keep time and memory of their index."""
+def write_models(model: hil.Model, folder: Path, number: int, seed: int) -> None:
+    """Write the models of runs."""
     for k in range(0, number, MONTHS):
         machine = Machine(model, [seed, number, k // MONTHS])
         for month in range(min(MONTHS, number - k)):
             run = folder / "plant" / f"machine-{k // MONTHS}" / f"run-{month}"
             run.mkdir(parents=True)
             machine.run(month).save(run / "model.yaml")
+
+
+def index_models(folder: Path, number: int, seed: int) -> None:
+    """Keep time and memory of an index of models."""
+    shutil.rmtree(folder / "index", ignore_errors=True)
     command = [sys.executable, "-m", "hil", "fleet", "index", "plant", "-o", "index"]
     begun = time.perf_counter()
     subprocess.run(command, cwd=folder, check=True)
