@@ -57,7 +57,7 @@ def _write(value: Any, indent: str) -> Iterator[str]:
         if isinstance(each, str) and _is_block(each):
             yield f"{indent}{head} |"
             yield from (f"{indent}{_STEP}{line}" if line else "" for line in each.split("\n")[:-1])
-        elif _depth(each) > (2 if listed else 1) and _has_words(each):
+        elif _is_nested(each, 2 if listed else 1) and _has_words(each):
             yield f"{indent}{head}"
             yield from _write(each, indent + _STEP)
         else:
@@ -83,19 +83,22 @@ def _has_words(value: Any) -> bool:
     return not isinstance(value, dict) or all(map(_is_word, value))
 
 
-def _depth(value: Any) -> int:
-    if isinstance(value, dict):
-        value = value.values()
-    elif not isinstance(value, list | tuple):
-        return 0
-    return 1 + max(map(_depth, value), default=-1)
+def _is_nested(value: Any, levels: int) -> bool:
+    """Return whether a value has more levels of mappings and lists."""
+    kinds = dict, list, tuple
+    if not isinstance(value, kinds):
+        return False
+    inner = [
+        x for x in (value.values() if isinstance(value, dict) else value) if isinstance(x, kinds)
+    ]
+    return bool(inner) if levels == 1 else any(_is_nested(x, levels - 1) for x in inner)
 
 
 def _json(value: Any) -> str:
     if isinstance(value, dict):
         return f"{{{', '.join(f'{_json(str(k))}: {_json(v)}' for k, v in value.items())}}}"
     if isinstance(value, list | tuple):
-        return f"[{', '.join(map(_json, value))}]"
+        return f"[{', '.join([_json(each) for each in value])}]"
     text = json.dumps(value, ensure_ascii=False)
     if isinstance(value, float):  # YAML 1.1 takes 1e-05 for a text
         return text if "." in text else text.replace("e", ".0e")
