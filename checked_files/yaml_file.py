@@ -31,7 +31,7 @@ from checked_files.yaml_events import Dumper, Events
 from checked_files.yaml_lines import read_lines
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Iterator
+    from collections.abc import Container, Iterable, Iterator
 
 
 class FileError(HilError):
@@ -160,10 +160,13 @@ def refuse_endless(path: Path) -> None:
         raise ValueError("is a pipe or a device; name a file")
 
 
-def parse_yaml(text: str, model: type[M], source: str) -> M:
-    """Parse YAML text into `model`; messages name `source`."""
+def parse_yaml(text: str, model: type[M], source: str, without: Container[str] = ()) -> M:
+    """Parse YAML text into `model`; messages name `source`.
+
+    Values of keys in `without` may be left out, to save time.
+    """
     verbatim = getattr(model, "verbatim", ())
-    if (content := read_lines(text, verbatim, DEPTH_MAX, VALUES_MAX)) is not None:
+    if (content := read_lines(text, verbatim, DEPTH_MAX, VALUES_MAX, without)) is not None:
         with suppress(ValidationError):  # described below, with lines
             return model.model_validate(content)
     root, data = _parse(text, source)

@@ -108,7 +108,7 @@ def _json(value: Any) -> str:
 
 
 def read_lines(
-    text: str, verbatim: Container[str], depth: int, values: int
+    text: str, verbatim: Container[str], depth: int, values: int, without: Container[str] = ()
 ) -> dict[str, Any] | None:
     """Return the content of a text in the form of `write_lines`; None for any other text.
 
@@ -119,15 +119,30 @@ def read_lines(
         Keys whose texts keep their lines; others become one line (`foreign_text.whole_line`).
     depth, values : int
         Maximum nesting, and number of values.
+    without : container of str
+        Keys of the file whose values are not read, and not returned.
     """
     lines = text.split("\n")
     if lines.pop() or len(lines) + text.count(",") > values:
         return None
     try:
+        if without:
+            lines = _drop(lines, without)
         content, end = _read(lines, 0, "", verbatim, depth)
     except (_OtherForm, ValueError):
         return None
     return content if isinstance(content, dict) and end == len(lines) else None
+
+
+def _drop(lines: list[str], without: Container[str]) -> list[str]:
+    """Return the lines outside the values of some keys of the file."""
+    kept, dropped = [], False
+    for line in lines:
+        if not line.startswith(_STEP):
+            dropped = line.partition(":")[0] in without
+        if not dropped:
+            kept.append(line)
+    return kept
 
 
 def _read(

@@ -254,7 +254,8 @@ def read_rows(model: ModelAddress) -> tuple[str, list[tuple[Any, ...]]]:
             text = files.cat_file(path).decode("utf-8-sig")
         except (OSError, ValueError) as error:
             raise FileError(f"{place}: cannot be read: {error}") from error
-    found = Model(**parse_yaml(text, ModelFile, place).identified(Path(place)))
+    file = parse_yaml(text, ModelFile, place, without=("local", "torque_effect"))
+    found = Model(**file.identified(Path(place)))
     content = hashlib.sha256(text.encode()).hexdigest()
     run = str(PurePosixPath(place).parent)
     return found.provenance.robot_digest, model_rows(found, model.machine, run, model.key, content)

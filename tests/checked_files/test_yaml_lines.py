@@ -81,3 +81,14 @@ def test_a_foreign_text_becomes_one_line() -> None:
         assert read(other) is None
         assert "\n" not in (found := parse_yaml(written, _File, "file.yaml")).b
         assert found == parse_yaml(other, _File, "file.yaml")
+
+
+def test_keys_that_are_not_asked_for_are_passed_over() -> None:
+    text = write_lines({"a": 1.0, "records": [{"a": [1]}, {"a": [2]}], "b": "two"})
+    assert read_lines(text, (), DEPTH_MAX, VALUES_MAX, without=("records",)) == {
+        "a": 1.0,
+        "b": "two",
+    }
+    assert parse_yaml(text, _File, "file.yaml", without=("records",)) == _File(a=1.0, b="two")
+    with pytest.raises(FileError, match="records: unknown key"):
+        parse_yaml(text, _File, "file.yaml")
