@@ -207,13 +207,14 @@ def _left(
 ) -> float:
     """Return the share of the mean squares left by a reading after a full fit.
 
-    The share is the geometric mean over `axes`, by default over all axes: another reading of an
-    axis's torques does not change the equations of the other axes.
+    The share is the geometric mean over `axes`, by default over all axes with a motor: another
+    reading of an axis's torques does not change the equations of the other axes.
     """
     turned = robot.changed(gravity=tuple(reading.gravity.tolist()))
     read = [_motion(number, _read(each, reading)) for number, each in enumerate(excerpts)]
     shares = np.log(solver.weight / SimultaneousFit(turned, read).weight)
-    return float(np.exp(shares[list(axes)].mean() if axes else shares.mean()))
+    driven = np.flatnonzero(np.any([each.tau.any(axis=0) for each in excerpts], axis=0))
+    return float(np.exp(shares[list(axes) if axes else driven].mean()))
 
 
 def _read(excerpt: Excerpt, reading: Reading) -> Excerpt:

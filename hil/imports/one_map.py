@@ -132,7 +132,7 @@ def interpret(
     alone = the_map.content.kind
     evidence = Evidence.join(excerpts)
     moving = None if alone is None else alone - 1
-    found = suspicions(excerpts, evidence, robot, moving, the_map.unknown_gains)
+    found = suspicions(excerpts, evidence, robot, moving, the_map.unknown_gains, the_map.passive)
     # the following checks of the rate use the remaining rows only
     if (held := timing.counts.held) > 1:
         repeat = f"values repeat over {held} rows each; without repeated rows, "

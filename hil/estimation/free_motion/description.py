@@ -232,8 +232,8 @@ def loose_parameters(robot: Robot, blocks: Blocks, fit: Fit, torque: Array) -> l
     counts = np.maximum(whole.counts[0], 1.0)[:, np.newaxis]
     squares = np.einsum("jkk->jk", whole.products[0])[:, whole.place(*base.names)] / counts
     error = np.sqrt(np.diag(fit.covariance)[: len(base)] * squares)
-    least = np.sqrt(np.finfo(float).tiny)
-    worst = (error / np.maximum(torque, least)[:, np.newaxis]).max(axis=0)
+    driven = torque > 0
+    worst = (error[driven] / torque[driven, np.newaxis]).max(axis=0, initial=0.0)
     return [base.names[k] for k in np.flatnonzero(worst > LOOSE)]
 
 
