@@ -60,7 +60,7 @@ PLACES = {
 """Keys of a joint in the map, by cause; for other causes the place is the whole joint."""
 
 
-MAP_KEYS = {"position scale": "joints", "gravity": "robot"}
+MAP_KEYS = {"position scale": "joints", "gravity": "robot", "no gravity": "joints"}
 """Keys of the map for causes that concern no single joint."""
 NOTHING = 0.8
 """Minimum residual share of the torque variance for torques unrelated to the motion.

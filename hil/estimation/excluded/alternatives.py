@@ -401,7 +401,7 @@ def _instant(stated: Explained, axis: int) -> float:
 
 
 def discrete(robot: Robot, evidence: Evidence) -> Iterator[tuple[str, tuple[int, ...], Reading]]:
-    """Yield wrong signs and exchanged pairs of axes: causes, axes from 0, readings.
+    """Yield wrong signs, exchanged pairs of axes, no gravity: causes, axes from 0, readings.
 
     Readings of the torque omit axes with a torque of 0 throughout: without motor there is no sign,
     and zeros in place of the torque of another axis are explained by any model of zeros.
@@ -423,6 +423,8 @@ def discrete(robot: Robot, evidence: Evidence) -> Iterator[tuple[str, tuple[int,
             if {i, j} <= driven:
                 yield "two axes exchanged", (i, j), replace(stated, order=both, torques=both)
                 yield "two torques exchanged", (i, j), replace(stated, torques=both)
+    if np.any(robot.gravity):  # first moments of links remain in the torques of inertia
+        yield "no gravity", (), replace(stated, gravity=np.zeros(3))
 
 
 def _sized(
