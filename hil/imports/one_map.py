@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from checked_files.yaml_file import FileError
+from hil.imports.clipped import clipped_positions
 from hil.imports.evidence import Evidence, even_samples, excerpts_of
 from hil.imports.mixed_rows import source_suspicions
 from hil.imports.plausibility import suspicions
@@ -126,6 +127,7 @@ def interpret(
     _refuse(the_map, mixed)
     timing = _timing(the_map, samples, segments)
     spikes = list(spike_suspicions(samples, timing.stretches, robot))
+    spikes += clipped_positions(samples, timing.stretches, robot)
     _refuse(the_map, spikes)
     numbered = numbered_pieces(the_map, samples, timing)
     excerpts = excerpts_of(samples, [piece for piece, _ in numbered])
