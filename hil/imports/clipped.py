@@ -60,7 +60,7 @@ def clipped_positions(
         found = {
             bound: sum(length for *_, length in plateaus)
             for bound, plateaus in each.sharp.items()
-            if _as_elsewhere(_parts(samples, stretches), joint, each.bounds, plateaus)
+            if _continues_motion(_parts(samples, stretches), joint, each.bounds, plateaus)
         }
         if found:
             unit = robot.position_unit(joint)
@@ -126,7 +126,7 @@ def _equal(x: Array, bound: float) -> Mask:
     return np.asarray(np.abs(x - bound) <= ROUNDED_OFF * abs(bound))
 
 
-def _as_elsewhere(
+def _continues_motion(
     parts: Iterable[Array], joint: int, bounds: tuple[float, float], plateaus: Sequence[Plateau]
 ) -> bool:
     """Return True if the hidden ways have accelerations like the motion elsewhere."""

@@ -55,7 +55,7 @@ def test_turns_beyond_the_stops_of_a_joint_are_still_refused(tmp_path):
         suspicions(tmp_path, *turning(), PENDULUM.replace("3.1416", "1"))
 
 
-def with_torques(folder, torque):
+def refuse_torques(folder, torque):
     columns = table(20.0)
     columns |= {"m1": torque(7.0, 1), "m2": torque(-4.0, 2)}
     write_csv(folder / "data.csv", columns)
@@ -70,7 +70,7 @@ N = len(motion(table(20.0)["t"])[0])
 
 
 def test_torques_that_hardly_change_are_named_as_such(tmp_path):
-    found = with_torques(
+    found = refuse_torques(
         tmp_path, lambda mean, seed: mean + 0.1 * np.random.default_rng(seed).standard_normal(N)
     )
     assert "torques hardly change (joint 1: 7, standard deviation" in found
@@ -78,7 +78,7 @@ def test_torques_that_hardly_change_are_named_as_such(tmp_path):
 
 
 def test_noise_without_a_mean_is_a_matter_of_columns(tmp_path):
-    found = with_torques(
+    found = refuse_torques(
         tmp_path, lambda mean, seed: mean * np.random.default_rng(seed).standard_normal(N)
     )
     assert "torques do not match this motion; name the torque columns" in found
