@@ -279,7 +279,7 @@ def _written(
         found = _child(node, part)
         if found is not None:
             kept, node = [*kept, part], found[1]
-    missing = message == _MISSING and location[-1:] != tuple(kept[-1:])
+    missing = message.startswith(_MISSING) and location[-1:] != tuple(kept[-1:])
     return (*kept, location[-1]) if missing else tuple(kept)
 
 

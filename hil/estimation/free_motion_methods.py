@@ -18,6 +18,7 @@ from hil.estimation.free_motion.description import (
     dead_zone,
     driving_axes,
     remarks,
+    repeated_torques,
     torque_lags,
 )
 from hil.estimation.free_motion.gathering import gather, gather_rates, rate_regressions
@@ -138,6 +139,7 @@ def estimate_from(
         relative_residual=left.relative,
         overall_residual=left.overall,
         naive_residual=left.naive,
+        repeated=repeated_torques(found.stretches),
         blocks=products.n_pieces,
         still=tuple(axis + 1 for axis in found.still),
         driving=driving_axes(fit),

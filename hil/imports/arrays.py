@@ -35,6 +35,9 @@ _ARGUMENTS = {"position": "q", "torque": "tau", "velocity": "qd"}
 _OF_MAPS = {
     " in the map": "",
     " of its file": ", counted from 1",
+    "name the column of its torque, or write torque: 0 if the joint has no motor": (
+        "pass its torque, or state rotor_inertia: 0 in the robot file if the joint has no motor"
+    ),
     "name the column of its torque": "pass its torque",
     "name another column, or record it": "pass another column",
     "write kind: free": "omit alone=",

@@ -34,6 +34,7 @@ if TYPE_CHECKING:
 MAPS = "maps"
 """Subfolder of a run with the unchanged maps."""
 _UNKNOWN_DRIVE = dict.fromkeys(("gear_ratio", "rotor_inertia", "torque_constant"), UNKNOWN)
+_NO_MOTOR: dict[str, float] = {"gear_ratio": 1, "rotor_inertia": 0}
 
 
 def import_recordings(
@@ -189,8 +190,9 @@ def _refuse_differing(maps: Sequence[MapFile], robots: Sequence[Robot]) -> None:
         if robot.digest != robots[0].digest:
             raise the_map.wrong(
                 ("robot",),
-                f"{robot.name} differs from the robot of {maps[0].path}, or the uncertainties of "
-                "gains differ; a run has one robot: import the maps into two runs",
+                f"{robot.name} differs from the robot of {maps[0].path}, or uncertainties of "
+                "gains or joints without motor differ; a run has one robot: import the maps into "
+                "two runs",
             )
         if the_map.unknown_gains != maps[0].unknown_gains:
             raise the_map.wrong(
@@ -232,23 +234,32 @@ def robot_of(the_map: MapFile) -> Robot:
             robot = robot_from_urdf(path, stated.base, stated.tip, stated.gravity)
     except (FileError, UnknownName) as error:
         raise the_map.wrong(("robot",), str(error)) from error
-    return _add_uncertainties(the_map, robot)
+    return _add_statements(the_map, robot)
 
 
-def _add_uncertainties(the_map: MapFile, robot: Robot) -> Robot:
-    """Convert stated uncertainties of gains to uncertainties of torque constants.
+def _add_statements(the_map: MapFile, robot: Robot) -> Robot:
+    """Add the map's statements on drives: uncertainties of gains, and joints without motor.
 
-    Both scale all torques of the joint; estimates use uncertainties of torque constants only.
+    Gains and torque constants both scale all torques of a joint; estimates use uncertainties of
+    torque constants only. A joint without motor has no unknown rotor and no unknown gear.
     """
-    relative = [j.torque.gain_uncertainty / j.torque.gain_value for j in the_map.content.joints]
-    if not any(relative) or len(relative) != robot.n_joints:
+    torques = [joint.torque for joint in the_map.content.joints]
+    if len(torques) != robot.n_joints:
         return robot
     content = robot.file.model_dump(mode="json", exclude_none=True)
-    for joint, uncertainty in zip(content["joints"], relative, strict=True):
-        if uncertainty:
-            drive = joint.setdefault("drive", dict(_UNKNOWN_DRIVE))
-            drive["torque_constant_uncertainty"] = uncertainty
+    changed = False
+    for joint, torque in zip(content["joints"], torques, strict=True):
+        drive = _UNKNOWN_DRIVE | joint.get("drive", {})
+        if torque is None:
+            stated = {k: v for k, v in _NO_MOTOR.items() if drive[k] == UNKNOWN}
+        else:
+            relative = torque.gain_uncertainty / torque.gain_value
+            stated = {"torque_constant_uncertainty": relative} if relative else {}
+        if stated:
+            joint["drive"], changed = drive | stated, True
+    if not changed:
+        return robot
     text = yaml.safe_dump(content, sort_keys=False, width=200)
     return parse_robot(
-        f"{comment(f'{robot.source}, with the uncertainties of gains')}\n{text}", robot.source
+        f"{comment(f'{robot.source}, with statements of the map on drives')}\n{text}", robot.source
     )

@@ -143,12 +143,23 @@ class Torque(FileModel):
         return self.sign * self.gain_value
 
 
+_ABSENT = "absent"
+
+
+def _torque(value: object) -> object:
+    if value == _ABSENT:
+        raise ValueError("missing; add this key, or torque: 0 for a joint without motor")
+    return None if value == 0 and not isinstance(value, bool) else value
+
+
 class MappedJoint(FileModel):
-    """Columns of a joint."""
+    """Columns of a joint; the torque of a joint without motor is 0, without a column."""
 
     position: Position
     velocity: Velocity | None = None
-    torque: Torque
+    torque: Annotated[Torque | None, BeforeValidator(_torque)] = Field(
+        default=_ABSENT, validate_default=True
+    )
 
 
 class Format(FileModel):
@@ -344,7 +355,13 @@ class MapFile:
     def unknown_gains(self) -> tuple[int, ...]:
         """Joints, from 0, with a gain to be identified."""
         joints = enumerate(self.content.joints)
-        return tuple(number for number, joint in joints if joint.torque.unknown)
+        return tuple(number for number, joint in joints if joint.torque and joint.torque.unknown)
+
+    @property
+    def passive(self) -> tuple[int, ...]:
+        """Joints, from 0, without motor."""
+        joints = enumerate(self.content.joints)
+        return tuple(number for number, joint in joints if joint.torque is None)
 
 
 def load_map(path: Path | str, allowed: Sequence[Path | str] = ()) -> MapFile:

@@ -37,13 +37,14 @@ from hil.estimation.signals import signals
 from hil.estimation.simultaneous import SimultaneousFit
 from hil.imports.evidence import Suspicion
 from hil.imports.two_clocks import clock_of_torques
+from hil.model.drive_train_file import USUAL_BOUND
 from hil.planning.free_motion import FreeMotion
 from hil.runs.recording import IDLE, Recording
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
 
-    from hil.arrays import Mask
+    from hil.arrays import Array, Mask
     from hil.estimation.excluded.evidence import Evidence
     from hil.estimation.signals import Prepared, Signals
     from hil.imports.evidence import Excerpt
@@ -60,7 +61,7 @@ PLACES = {
 """Keys of a joint in the map, by cause; for other causes the place is the whole joint."""
 
 
-MAP_KEYS = {"position scale": "joints", "gravity": "robot"}
+MAP_KEYS = {"position scale": "joints", "gravity": "robot", "no gravity": "joints"}
 """Keys of the map for causes that concern no single joint."""
 NOTHING = 0.8
 """Minimum residual share of the torque variance for torques unrelated to the motion.
@@ -116,8 +117,7 @@ def mechanical_suspicions(
             "shape",
             ("joints", 0, "torque"),
             f"the model with friction leaves at least {100 * share[shown].min():.0f} % of the "
-            "torque variance of every moving joint unexplained: torques do not match this "
-            "motion; name the torque columns of the same recording and robot",
+            f"torque variance of every moving joint unexplained: {_why_unrelated(smooth, shown)}",
         )
         return
     misread = _misread(robot, excerpts, prepared, solver, shown & (share > NOTHING))
@@ -129,6 +129,24 @@ def mechanical_suspicions(
         yield from another
         if misread is None and not another:
             yield from _late(robot, prepared, solver, shown)
+
+
+def _why_unrelated(torque: Array, shown: Mask) -> str:
+    """Return reason and remedy for torques (n, n_joints) unrelated to the motion of all joints.
+
+    The ripple of a motor at a constant current is within the tolerance of its torque constant.
+    """
+    mean, change = torque.mean(axis=0), torque.std(axis=0)
+    if (change < USUAL_BOUND * np.abs(mean))[shown].all():
+        joint = int(np.flatnonzero(shown)[0])
+        return (
+            f"torques hardly change (joint {joint + 1}: {mean[joint]:.3g}, standard deviation "
+            f"{change[joint]:.2g}), so they show nothing of this motion; record motions whose "
+            "torques change, or name the column of measured torques"
+        )
+    return (
+        "torques do not match this motion; name the torque columns of the same recording and robot"
+    )
 
 
 def _misread(
@@ -207,13 +225,14 @@ def _left(
 ) -> float:
     """Return the share of the mean squares left by a reading after a full fit.
 
-    The share is the geometric mean over `axes`, by default over all axes: another reading of an
-    axis's torques does not change the equations of the other axes.
+    The share is the geometric mean over `axes`, by default over all axes with a motor: another
+    reading of an axis's torques does not change the equations of the other axes.
     """
     turned = robot.changed(gravity=tuple(reading.gravity.tolist()))
     read = [_motion(number, _read(each, reading)) for number, each in enumerate(excerpts)]
     shares = np.log(solver.weight / SimultaneousFit(turned, read).weight)
-    return float(np.exp(shares[list(axes)].mean() if axes else shares.mean()))
+    driven = np.flatnonzero(np.any([each.tau.any(axis=0) for each in excerpts], axis=0))
+    return float(np.exp(shares[list(axes) if axes else driven].mean()))
 
 
 def _read(excerpt: Excerpt, reading: Reading) -> Excerpt:

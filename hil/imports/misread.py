@@ -64,6 +64,10 @@ Geometric mean of the effect of noise and of 2, the least effect of a wrong unit
 samples.
 """
 _OTHERWISE = "correct unit, offset or column, or the range in the robot file"
+_TURNS = (
+    "a joint whose range is a whole turn may turn over: state a wider range in the robot file, or"
+    " correct unit, offset or column"
+)
 
 
 def other_units(robot: Robot, joint: int) -> dict[str, float]:
@@ -274,13 +278,14 @@ def range_suspicions(
             # refused beyond two ranges: a whole turn of offset exceeds a joint's range of half a
             # turn by two ranges, degrees for radians exceed a range 57 times
             far = excess > 2.0 * (high - low)
+            turns = far and _turns_over(evidence, robot, joint)
             yield Suspicion(
                 "range",
                 ("joints", joint, "position"),
                 f"reaches from {q.min():.4g} to {q.max():.4g} {unit}, but joint {joint + 1} of"
                 f" {robot.name} has {low:.4g} to {high:.4g} {unit};"
-                f" {_other_unit(q, joint, robot) if far else _OTHERWISE}",
-                certain=far,
+                f" {_TURNS if turns else _other_unit(q, joint, robot) if far else _OTHERWISE}",
+                certain=far and not turns,
             )
             continue
         for key, values, limit, per in (
@@ -303,6 +308,17 @@ def range_suspicions(
                 )
 
 
+def _turns_over(evidence: Evidence, robot: Robot, joint: int) -> bool:
+    """Return True if positions may count several turns of a joint, not another unit.
+
+    Torques depend on the angle within a turn, so no number of turns contradicts a range of a whole
+    turn. Another unit, or the motor's side, would enlarge speeds like positions.
+    """
+    whole = robot.q_max[joint] - robot.q_min[joint] >= 2 * pi - _usual_zero(robot, joint)
+    most = float(np.abs(evidence.qd[:, joint]).max())
+    return bool(robot.revolute[joint] and whole and most <= ABSURD * robot.velocity_limit[joint])
+
+
 def _usual_zero(robot: Robot, joint: int) -> float:
     """Return the usual error of joint offsets [rad or m]."""
     return CAUSES["joint offset"].usual * (pi / 180 if robot.revolute[joint] else 1e-3)
@@ -315,6 +331,8 @@ def _other_unit(q: Array, joint: int, robot: Robot) -> str:
     fitting = [
         unit
         for unit, factor in other_units(robot, joint).items()
-        if low - slack <= q.min() / factor and q.max() / factor <= high + slack
+        if "rpm" not in unit
+        and low - slack <= q.min() / factor
+        and q.max() / factor <= high + slack
     ]
     return f"they look like positions {' or '.join(fitting)}" if fitting else _OTHERWISE

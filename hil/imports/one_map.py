@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from checked_files.yaml_file import FileError
+from hil.imports.clipped import clipped_positions
 from hil.imports.evidence import Evidence, even_samples, excerpts_of
 from hil.imports.mixed_rows import source_suspicions
 from hil.imports.plausibility import suspicions
@@ -126,13 +127,14 @@ def interpret(
     _refuse(the_map, mixed)
     timing = _timing(the_map, samples, segments)
     spikes = list(spike_suspicions(samples, timing.stretches, robot))
+    spikes += clipped_positions(samples, timing.stretches, robot)
     _refuse(the_map, spikes)
     numbered = numbered_pieces(the_map, samples, timing)
     excerpts = excerpts_of(samples, [piece for piece, _ in numbered])
     alone = the_map.content.kind
     evidence = Evidence.join(excerpts)
     moving = None if alone is None else alone - 1
-    found = suspicions(excerpts, evidence, robot, moving, the_map.unknown_gains)
+    found = suspicions(excerpts, evidence, robot, moving, the_map.unknown_gains, the_map.passive)
     # the following checks of the rate use the remaining rows only
     if (held := timing.counts.held) > 1:
         repeat = f"values repeat over {held} rows each; without repeated rows, "

@@ -41,6 +41,7 @@ def suspicions(
     robot: Robot,
     alone: int | None = None,
     unknown_gains: Sequence[int] = (),
+    passive: Sequence[int] = (),
 ) -> list[Suspicion]:
     """Return all suspicions, certain ones first.
 
@@ -55,8 +56,13 @@ def suspicions(
     unknown_gains : sequence of int
         Joints, from 0, with torques of unknown scale; torque limits and mechanics, which compare
         the torques of joints, are then not checked.
+    passive : sequence of int
+        Joints, from 0, without motor.
     """
-    found = [*_still(evidence, robot, alone), *range_suspicions(evidence, robot, unknown_gains)]
+    found = [
+        *_still(evidence, robot, alone, passive),
+        *range_suspicions(evidence, robot, unknown_gains),
+    ]
     if not any(suspicion.certain for suspicion in found):
         found += misread_torques(excerpts, evidence, robot)
         most = np.abs(evidence.tau).max(axis=0)
@@ -82,19 +88,25 @@ def suspicions(
         ways, ranges = np.ptp(evidence.q, axis=0), robot.q_max - robot.q_min
         found += small(evidence, robot, "position", ways, ranges) if alone is None else ()
         # stated rotor inertias contradict torques of another unit or side
-        shown = evidence.moves & ~coarse(evidence)
+        shown = evidence.moves & ~coarse(evidence) & (np.ptp(evidence.tau, axis=0) > 0)
         found += () if unknown_gains or low else mechanical_suspicions(excerpts, robot, shown)
     return sorted(found, key=lambda suspicion: not suspicion.certain)
 
 
-def _still(evidence: Evidence, robot: Robot, alone: int | None) -> Iterator[Suspicion]:
+def _still(
+    evidence: Evidence, robot: Robot, alone: int | None, passive: Sequence[int]
+) -> Iterator[Suspicion]:
     ways = np.ptp(evidence.q, axis=0)
     for joint, (way, moves) in enumerate(zip(ways, evidence.moves, strict=True)):
         at = ("joints", joint)
-        if np.ptp(evidence.tau[:, joint]) <= ROUNDED_OFF * np.abs(evidence.tau[0, joint]) and moves:
-            torque = evidence.tau[0, joint]
+        torque = evidence.tau[:, joint]
+        constant = np.ptp(torque) <= ROUNDED_OFF * np.abs(torque[0])
+        if constant and moves and joint not in passive:
+            without = ", or write torque: 0 if the joint has no motor" if not torque[0] else ""
             yield Suspicion(
-                "still", (*at, "torque"), f"is {torque:g} throughout; name the column of its torque"
+                "still",
+                (*at, "torque"),
+                f"is {torque[0]:g} throughout; name the column of its torque{without}",
             )
         if not moves and (alone is None or joint == alone):
             unit = robot.position_unit(joint)

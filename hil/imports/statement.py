@@ -49,6 +49,8 @@ def _joint(the_map: MapFile, robot: Robot, evidence: Evidence, joint: int) -> st
         if evidence.moves[joint]
         else f"rests at {q.mean():.3g} {unit}"
     )
+    if mapped.torque is None:
+        return f"joint {joint + 1}: {', '.join(parts)}; {does}, without motor"
     of = mapped.torque.unit if mapped.torque.unknown else robot.torque_unit(joint)
     return f"joint {joint + 1}: {', '.join(parts)}; {does}, up to {tau:.3g} {of}"
 
@@ -207,7 +209,8 @@ class Statement:
     def _gains(self) -> Iterator[str]:
         joints = [joint + 1 for joint in self.the_map.unknown_gains]
         if joints:
-            units = {self.the_map.content.joints[joint - 1].torque.unit for joint in joints}
+            torques = [self.the_map.content.joints[joint - 1].torque for joint in joints]
+            units = {torque.unit for torque in torques if torque}
             yield (
                 f"gain of {_joints(joints, len(self.recorded))} unknown: torques stay in"
                 f" {', '.join(sorted(units))}, and hil identify finds the gain with the parameters"

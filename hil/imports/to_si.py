@@ -55,13 +55,14 @@ class Conversion:
         self._times = TimeColumns(the_map)
         self._moving = np.array([joint.velocity is not None for joint in joints])
         positions, torques = [j.position for j in joints], [j.torque for j in joints]
+        self._driven = np.array([torque is not None for torque in torques])
         velocities = [joint.velocity for joint in joints if joint.velocity]
         q, qd = (
             np.array([p.sign * position_factor(p.unit, p.per_unit) for p in parts])
             for parts in (positions, velocities)
         )
         to_joints = np.diag(q).T
-        speeds, efforts = np.diag(qd), np.diag([torque.factor for torque in torques])
+        speeds, efforts = np.diag(qd), np.diag([t.factor if t else 1.0 for t in torques])
         if content.torque_side == "motor":
             _refuse_mixed(the_map, robot)
         if "motor" in {content.position_side, content.torque_side}:
@@ -93,13 +94,18 @@ class Conversion:
         values = np.empty((len(block), 3 * n))
         values[:, 2 * n :][:, ~self._moving] = np.nan
         values[:, :n] = rest[:, :n] @ to_joints + self._offset
-        values[:, n : 2 * n] = rest[:, n : 2 * n] @ self.efforts
-        values[:, 2 * n :][:, self._moving] = rest[:, 2 * n :] @ speeds
+        values[:, n : 2 * n] = self.torques(block) @ self.efforts
+        values[:, 2 * n :][:, self._moving] = rest[:, n + np.count_nonzero(self._driven) :] @ speeds
         return time, values
 
     def torques(self, block: Array) -> Array:
-        """Return the recorded torques of a block, shape (n, n_joints)."""
-        return block[:, self._times.n + self._n :][:, : self._n]
+        """Return the recorded torques of a block, shape (n, n_joints); 0 without motor."""
+        recorded = block[:, self._times.n + self._n :][:, : np.count_nonzero(self._driven)]
+        if self._driven.all():
+            return recorded
+        found = np.zeros((len(block), self._n))
+        found[:, self._driven] = recorded
+        return found
 
     @property
     def origin(self) -> float:

@@ -158,7 +158,8 @@ def _array(values: Iterable[float | None]) -> Array:
 
 
 def _ratio(left: Iterable[float | None], torque: Iterable[float | None]) -> Array:
-    return np.asarray(_array(left) / np.maximum(_array(torque), np.finfo(float).tiny))
+    below = _array(torque)  # 0 for a joint without motor
+    return np.asarray(_array(left) / np.where(below > 0, below, np.nan))
 
 
 def _together(left: Iterable[float | None], torque: Iterable[float | None]) -> float:

@@ -98,10 +98,19 @@ def _unexplained(fit: FreeMotionFit) -> Reservation | None:
     worst = max(ratios, key=ratios.__getitem__, default=0)
     if not worst or ratios[worst] ** 2 <= HALF:
         return None
-    return failed(
+    reason = (
         f"axis {worst}: the model leaves {fit.relative_residual[worst - 1]:.0%} of the torque "
-        f"unexplained, a constant torque {fit.naive_residual[worst - 1]:.0%}",
-        "check columns, signs and units of the recording, and the direction of gravity",
+        f"unexplained, a constant torque {fit.naive_residual[worst - 1]:.0%}"
+    )
+    share = fit.repeated[worst - 1] if fit.repeated else 0.0
+    if share <= HALF:
+        return failed(
+            reason, "check columns, signs and units of the recording, and the direction of gravity"
+        )
+    return failed(
+        f"{reason}; {share:.0%} of its torques in fast motion are equal: a dead band or the "
+        "resolution hides the torque",
+        "record its torque without dead band and in finer steps, or motions with greater torques",
     )
 
 

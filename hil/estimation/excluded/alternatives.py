@@ -403,20 +403,30 @@ def _instant(stated: Explained, axis: int) -> float:
 
 
 def discrete(robot: Robot, evidence: Evidence) -> Iterator[tuple[str, tuple[int, ...], Reading]]:
-    """Yield wrong signs and exchanged pairs of axes: causes, axes from 0, readings."""
+    """Yield wrong signs, exchanged pairs of axes, no gravity: causes, axes from 0, readings.
+
+    Readings of the torque omit axes with a torque of 0 throughout: without motor there is no sign,
+    and zeros in place of the torque of another axis are explained by any model of zeros.
+    """
     stated, measured = Reading.stated(robot), set(evidence.axis.tolist())
+    driven = set(evidence.axis[evidence.recorded != 0].tolist())
     for axis in sorted(measured):
-        yield "wrong direction of an axis", (axis,), stated.alter(axis, sign_q=-1.0, sign_tau=-1.0)
+        if axis in driven:
+            reading = stated.alter(axis, sign_q=-1.0, sign_tau=-1.0)
+            yield "wrong direction of an axis", (axis,), reading
+            yield "wrong sign of a torque", (axis,), stated.alter(axis, sign_tau=-1.0)
         yield "wrong sign of a position", (axis,), stated.alter(axis, sign_q=-1.0)
-        yield "wrong sign of a torque", (axis,), stated.alter(axis, sign_tau=-1.0)
     for i, j in combinations(sorted(measured), 2):
         if robot.revolute[i] == robot.revolute[j]:
             order = list(stated.order)
             order[i], order[j] = j, i
             both = tuple(order)
-            yield "two axes exchanged", (i, j), replace(stated, order=both, torques=both)
             yield "two positions exchanged", (i, j), replace(stated, order=both)
-            yield "two torques exchanged", (i, j), replace(stated, torques=both)
+            if {i, j} <= driven:
+                yield "two axes exchanged", (i, j), replace(stated, order=both, torques=both)
+                yield "two torques exchanged", (i, j), replace(stated, torques=both)
+    if np.any(robot.gravity):  # first moments of links remain in the torques of inertia
+        yield "no gravity", (), replace(stated, gravity=np.zeros(3))
 
 
 def _searched(

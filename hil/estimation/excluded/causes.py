@@ -115,6 +115,11 @@ CAUSES = {
         "torques exchanged", "", "", 0.0,
         "exchange the columns of their torques in the map", whole=True,
     ),
+    "no gravity": Cause(
+        "gravity is absent from the torques", "", "", 0.0,
+        "record torques without gravity compensation (of the motors, not of the controller), or "
+        "state gravity: [0, 0, 0] in the robot file if no joint carries weight", whole=True,
+    ),
     "torque at its limit": Cause(
         "torque saturated in many samples", "%", "%", 0.0,
         "measure with lower accelerations, or raise the drive's limit",

@@ -45,7 +45,12 @@ def saturated(recorded: Recorded, n_joints: int) -> tuple[int, float, float] | N
 
 
 def share_at_top(size: Array) -> float:
-    """Return the share of samples at the greatest torque; 0 if lower torques are as frequent."""
+    """Return the share of samples at the greatest torque; 0 if lower torques are as frequent.
+
+    A torque of 0 throughout is no limit: the joint has no motor.
+    """
+    if not size.max():
+        return 0.0
     at_top = int(np.sum(size >= size.max() * (1 - _WIDTH)))
     below = np.unique(size[size < size.max() * (1 - _WIDTH)], return_counts=True)[1][-20:]
     usual = float(below.max()) if below.size else 0.0

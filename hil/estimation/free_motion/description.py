@@ -29,6 +29,7 @@ if TYPE_CHECKING:
     from hil.least_squares.blocks import Blocks
     from hil.least_squares.regression import Fit
     from hil.model.robot import Robot
+    from hil.runs.recording import Recording
 
 SHORT = 30.0
 """Shortest total duration of the recordings without a remark [s]."""
@@ -165,6 +166,23 @@ class Residuals:
         return tuple(each / torque if torque > 0 else None for each, torque in both)
 
 
+def repeated_torques(stretches: Sequence[Recording]) -> tuple[float, ...]:
+    """Return the share of the most frequent torque in the faster half of the samples, by axis.
+
+    Above one half, the median distance of the torque from a single value is zero: a dead band, or
+    the resolution, exceeds the change of the torque in motion.
+    """
+    shares = []
+    for axis in range(stretches[0].q.shape[1]):
+        # distance in nine samples, as encoders of low resolution do not change in every sample
+        ways = [np.convolve(np.diff(each.q[:, axis]), np.ones(9), "same") for each in stretches]
+        way = np.abs(np.concatenate(ways))
+        torque = np.concatenate([each.tau[1:, axis] for each in stretches])
+        _, counts = np.unique(torque[way >= np.median(way)], return_counts=True)
+        shares.append(float(counts.max() / counts.sum()))
+    return tuple(shares)
+
+
 def remarks(
     robot: Robot,
     products: Products,
@@ -232,8 +250,8 @@ def loose_parameters(robot: Robot, blocks: Blocks, fit: Fit, torque: Array) -> l
     counts = np.maximum(whole.counts[0], 1.0)[:, np.newaxis]
     squares = np.einsum("jkk->jk", whole.products[0])[:, whole.place(*base.names)] / counts
     error = np.sqrt(np.diag(fit.covariance)[: len(base)] * squares)
-    least = np.sqrt(np.finfo(float).tiny)
-    worst = (error / np.maximum(torque, least)[:, np.newaxis]).max(axis=0)
+    driven = torque > 0
+    worst = (error[driven] / torque[driven, np.newaxis]).max(axis=0, initial=0.0)
     return [base.names[k] for k in np.flatnonzero(worst > LOOSE)]
 
 

@@ -85,6 +85,9 @@ class FreeMotionFit(FileModel):
         Relative residual of all axes together.
     naive_residual : tuple of float or None
         Relative residual of a constant torque; empty in models of earlier versions.
+    repeated : tuple of float
+        Share of the most frequent torque in the faster half of the samples, axis by axis; empty in
+        models of earlier versions.
     blocks : int, optional
         Number of pieces of time of the recordings; None in models of earlier versions.
     still, driving, unusual : tuple of int
@@ -121,6 +124,7 @@ class FreeMotionFit(FileModel):
     least_inertia: float
     remarks: tuple[str, ...]
     naive_residual: tuple[float | None, ...] = ()
+    repeated: tuple[float, ...] = ()
     blocks: int | None = None
     still: tuple[int, ...] = ()
     driving: tuple[int, ...] = ()

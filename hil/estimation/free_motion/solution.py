@@ -37,7 +37,7 @@ from hil.model.base_parameters import base_parameters
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from hil.arrays import Array
+    from hil.arrays import Array, Indices
     from hil.estimation.free_motion.accumulation import Products
     from hil.estimation.free_motion.choice import Choice
     from hil.estimation.options import Options
@@ -110,13 +110,17 @@ def solve(
     covariance = fit.covariance
     covariance += split_covariance(only_directions(products.pieces[1]), fit.layout, fit.x)
     fit = replace(fit, covariance=covariance, condition=condition(pieces.normal.information))
-    if solver != "positive":
-        return settled(robot, pieces, fit, None, options.prior)
-    fit = replace(fit, covariance=covariance + covariance_of_choices(products, choice))
-    found = settled(robot, pieces, fit, configurations, options.prior)
-    if not choice.slowest:
+    # no weight: torque 0 throughout, so the friction of such an axis is in no equation so far
+    silent = choice.weights == 0
+    if solver == "positive":
+        fit = replace(fit, covariance=covariance + covariance_of_choices(products, choice))
+        found = settled(robot, pieces, fit, configurations, options.prior)
+        refitted = np.flatnonzero(silent | (choice.slowest > 0))
+    else:
+        found, refitted = settled(robot, pieces, fit, None, options.prior), np.flatnonzero(silent)
+    if not len(refitted):
         return found
-    return replace(found, fit=refit_friction(products, found.fit, options.covariance))
+    return replace(found, fit=refit_friction(products, found.fit, options.covariance, refitted))
 
 
 def settled(
@@ -136,12 +140,14 @@ def settled(
     return replace(found, prior_share=share)
 
 
-def refit_friction(products: Products, fit: Fit, covariance: Covariance) -> Fit:
+def refit_friction(products: Products, fit: Fit, covariance: Covariance, axes: Indices) -> Fit:
     """Refit friction to samples of every speed, including the dead zone.
 
     Errors of a law at low speed resemble weight or inertia, so base parameters come from faster
-    samples. But a law describes slow samples best if it is fitted to them, too. With fixed shared
-    unknowns x_s and P = N_oo^-1 N_os the own unknowns are
+    samples. But a law describes slow samples best if it is fitted to them, too. On an axis without
+    motor, a weighted equation 0 = A p + friction would shrink p by the noise of A; with known p,
+    A p is a torque like any other. With fixed shared unknowns x_s and P = N_oo^-1 N_os the own
+    unknowns are
 
         x_o = N_oo^-1 v_o - P x_s,    V_oo = V + P V_ss P',    V_os = -P V_ss,
 
@@ -152,10 +158,13 @@ def refit_friction(products: Products, fit: Fit, covariance: Covariance) -> Fit:
     ----------
     covariance : str
         Rule of `hil.least_squares.regression`.
+    axes : ndarray of int
+        Axes to refit, from 0.
     """
     layout, k = fit.layout, len(fit.layout.shared)
     axis = (fit.kept - k) // len(layout.own)
-    own = fit.kept[(axis >= 0) & ~np.isin(axis, list(only_directions(products.pieces[1])))]
+    one_way = list(only_directions(products.pieces[1]))
+    own = fit.kept[np.isin(axis, axes) & ~np.isin(axis, one_way)]
     if not len(own):
         return fit
     m = products.pieces[0].products.shape[-1]

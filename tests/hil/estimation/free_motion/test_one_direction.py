@@ -73,7 +73,7 @@ def model_of(folder: Path, speeds: Array, rest: float = 0.0) -> Model:
 def test_friction_of_all_samples_leaves_such_an_axis_as_it_is() -> None:
     gathered = gather(ROBOT, [driven(SPEEDS)], VARIANTS[DEFAULT])
     fit = gathered.choice.fitted(gathered.products).fit("CR2")
-    assert refit_friction(gathered.products, fit, "CR2") is fit
+    assert refit_friction(gathered.products, fit, "CR2", np.array([0])) is fit
 
 
 @pytest.mark.parametrize(
