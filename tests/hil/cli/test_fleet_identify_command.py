@@ -32,7 +32,7 @@ def plants(tmp_path: Path) -> Path:
     return tmp_path / "plants"
 
 
-def in_turn(function: Callable[[Any], Any], jobs: Iterable[Any]) -> Iterator[tuple[Any, Any]]:
+def execute_in_turn(function: Callable[[Any], Any], jobs: Iterable[Any]) -> Iterator[tuple[Any, Any]]:
     """Execute the jobs in this process."""
     for job in jobs:
         yield job, function(job)
@@ -68,7 +68,7 @@ def test_runs_without_a_model_are_identified_and_others_stay(hil: Hil, plants: P
 @pytest.mark.long  # processes begin and end
 def test_a_cluster_finds_the_same_and_a_killed_worker_loses_nothing(plants: Path) -> None:
     distributed = pytest.importorskip("distributed")
-    identify_runs([plants], in_turn, str)
+    identify_runs([plants], execute_in_turn, str)
     expected = models(plants)
     assert len(expected) == 3
     for path in (*plants.rglob(NAME), *plants.rglob("findings.json")):
