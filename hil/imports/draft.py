@@ -7,6 +7,7 @@ names and magnitudes in the mark's text, so that no guess goes unread.
 
 from __future__ import annotations
 
+import json
 import re
 from dataclasses import dataclass
 from itertools import pairwise
@@ -56,7 +57,13 @@ LOOKED_AT = 100_000
 """Approximate number of inspected rows."""
 
 
-def draft_map(path: Path, name: str, robot: Robot | None = None, robot_name: str = "") -> str:
+def draft_map(
+    path: Path,
+    name: str,
+    robot: Robot | None = None,
+    robot_name: str = "",
+    layout: Format | None = None,
+) -> str:
     """Return the text of a first map.
 
     Parameters
@@ -69,13 +76,16 @@ def draft_map(path: Path, name: str, robot: Robot | None = None, robot_name: str
         Robot whose joints give the order, if the columns' names contain the joints' names.
     robot_name : str
         Name or file of the robot in the map.
+    layout : Format, optional
+        Layout of the file, where it cannot be detected.
 
     Raises
     ------
     FileError
         The file cannot be read, or holds no columns of numbers.
     """
-    table = open_table(path, Format())
+    layout = layout or Format()
+    table = open_table(path, layout)
     columns, looked_at, empty = look(table)
     if not columns:
         left_out = listed({**empty, **table.left_out})
@@ -97,6 +107,7 @@ def draft_map(path: Path, name: str, robot: Robot | None = None, robot_name: str
             *_left_out_lines(others),
             f"robot: {quoted(robot_name) if robot else mark_unstated(_ROBOT)}",
             f"files: [{quoted(name)}]",
+            *_format_lines(layout),
             *_time_lines(time, from_format=bool(table.time)),
             *_segment_lines(time, looked_at),
             "joints: # in the robot's order, as many as it has",
@@ -111,6 +122,12 @@ def draft_map(path: Path, name: str, robot: Robot | None = None, robot_name: str
             "",
         ]
     )
+
+
+def _format_lines(layout: Format) -> Iterator[str]:
+    if stated := layout.model_dump(exclude_unset=True):
+        yield "format:"
+        yield from (f"  {key}: {json.dumps(value)}" for key, value in stated.items())
 
 
 def _left_out_lines(left_out: Mapping[str, str]) -> Iterator[str]:

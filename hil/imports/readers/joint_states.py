@@ -131,7 +131,8 @@ def _topic_of(path: Path, bag: Bag, stated: str | None) -> str:
         )
     if stated is None and len(topics) > 1:
         raise FileError(
-            f"{path}: has joint states on {' and '.join(topics)}; name one in format: topic"
+            f"{path}: has joint states on {' and '.join(topics)}; name one in format: topic, or"
+            f" with --draft by --format topic={topics[0]}"
         )
     if stated is not None and stated not in topics:
         raise FileError(f"{path}: has no joint states on {stated}, but on {', '.join(topics)}")
