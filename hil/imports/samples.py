@@ -13,7 +13,7 @@ import numpy as np
 
 from checked_files.yaml_file import FileError
 from hil.imports.readers import open_table
-from hil.imports.signs import could_lack_signs, signed
+from hil.imports.signs import could_lack_signs, register_turn, signed, turn_of, unwrap
 from hil.imports.tables import NoColumn, column_of
 from hil.imports.to_si import EPOCH, Conversion
 
@@ -31,6 +31,10 @@ if TYPE_CHECKING:
 
 IN_CACHE = 1 << 12
 """Rows converted at a time: 0.7 MB for twenty columns, which fit a second-level cache."""
+
+
+WHOLE = 1e-3
+"""Error of a whole number of 40 bits after conversion to SI and back, at most."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -132,6 +136,13 @@ def read_samples(
     time = np.concatenate(times)
     values = np.memmap(scratch, np.float64, "r+", shape=(n, 3 * robot.n_joints))
     notes |= dict.fromkeys(_restore_signs(values, conversion.efforts, unsigned))
+    if unwrapped := list(_restore_turns(values, conversion)):
+        notes |= dict.fromkeys(unwrapped)
+        wraps = sum(
+            int(np.count_nonzero(np.abs(np.diff(part[:, joint])) > np.pi))
+            for part in np.split(values, begins[1:])
+            for joint in range(robot.n_joints)
+        )
     from_date = bool(np.nanmax(np.abs(conversion.origin + time), initial=0.0) > EPOCH)
     if from_date:
         time -= np.nanmin(time)
@@ -149,6 +160,27 @@ def _restore_signs(values: Array, efforts: Array, unsigned: Mask) -> Iterator[st
             with_signs, words = found
             torques += np.outer(with_signs - recorded, efforts[joint])
             yield f"torques of joint {joint + 1} are read as {words}: smooth only in this reading"
+
+
+def _restore_turns(values: Array, conversion: Conversion) -> Iterator[str]:
+    """Unwrap positions of encoders of one turn; yield statements of the changes."""
+    n = len(conversion.turns)
+    back = np.linalg.inv(conversion.positions)
+    for joint, own in enumerate(conversion.turns.tolist()):
+        recorded = (values[:, :n] - conversion.offset) @ back[:, joint]
+        rounded = recorded.round()
+        rounding = np.abs(np.nan_to_num(recorded - rounded)).max(initial=0.0)
+        counts = rounded if rounding < WHOLE else recorded
+        turn = turn_of(counts, [own, register_turn(counts) or own])
+        # `Samples.read` removes whole turns of joints
+        if turn is None or np.isclose(np.abs(turn * conversion.positions[joint]).max(), 2 * np.pi):
+            continue
+        whole = unwrap(counts, turn)
+        values[:, :n] += np.outer(whole - counts, conversion.positions[joint])
+        yield (
+            f"positions of joint {joint + 1} are unwrapped by {turn:.6g} of their unit, one turn of"
+            " the encoder: the motion goes on only in this reading"
+        )
 
 
 def _file_blocks(

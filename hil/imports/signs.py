@@ -1,8 +1,12 @@
-"""Torques recorded as numbers without sign: sign and magnitude, or two's complement.
+"""Numbers of registers, which lack signs or turns.
 
 In unsigned numbers below 2 S, a negative value -x is S + x as sign and magnitude, and 2 S - x in
 two's complement. A wrong reading makes a torque jump by S or more at a zero crossing. Therefore the
 reading with the least squared steps is taken, if its sum is far smaller than the others.
+
+The position of an encoder of one turn jumps by the turn P where the motion goes on, so its values
+reach over one turn, and each jump is opposite to the motion before and after. At the seam of two
+recordings the joint is at rest, and an outlier is over at once.
 """
 
 from __future__ import annotations
@@ -12,6 +16,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
     from hil.arrays import Array
 
 LEAVES = 0.5
@@ -22,6 +28,11 @@ friction.
 """
 LEAST, JUMPS = 64.0, 3
 """Minimum value of a sign bit, and minimum number of jumps beyond chance."""
+AROUND = 3
+"""Samples before and after a jump that show the motion."""
+AT_REST = 0.1
+"""Share of the mean speed below which a joint is at rest: from there, a braking joint has a
+hundredth of its way to go."""
 
 
 def could_lack_signs(x: Array) -> bool:
@@ -55,3 +66,56 @@ def signed(x: Array) -> tuple[Array, str] | None:
     if best == "as they are" or steps[best] > LEAVES * steps[second]:
         return None
     return readings[best], f"{best}: values from {half:.0f} on are negative"
+
+
+def turn_of(x: Array, turns: Sequence[float]) -> float | None:
+    """Return the turn after which a column starts anew; None for a column without such jumps.
+
+    Parameters
+    ----------
+    x : array (n,)
+        Positions as recorded, NaN for missing ones.
+    turns : sequence of float
+        Possible turns, in the unit of the positions.
+    """
+    x = x[np.isfinite(x)]
+    extent, steps = float(np.ptp(x)) if len(x) else 0.0, np.diff(x)
+    jumps = np.flatnonzero(np.abs(steps) > extent / 2)
+    # a joint at rest at the end of the turn flickers, an outlier is over at once
+    apart = np.diff(np.concatenate([[-1], jumps, [len(steps)]])) > AROUND
+    inner = jumps[apart[:-1] & apart[1:]]
+    ordinary = np.abs(np.delete(steps, jumps))
+    slow = AT_REST * AROUND * float(ordinary.mean()) if len(ordinary) else 0.0
+    down = -np.sign(steps[inner])
+    before, after = x[inner] - x[inner - AROUND], x[inner + 1 + AROUND] - x[inner + 1]
+    goes_on = np.count_nonzero((down * before > slow) & (down * after > slow))
+    if goes_on < max(JUMPS, len(inner) / 2):
+        return None
+    # a turn is passed within a step of both ends
+    most = extent + 2 * float(ordinary.max(initial=0.0))
+    fitting = [turn for turn in turns if (1 - 1e-9) * extent <= turn <= most]
+    return min(fitting, default=None)
+
+
+def register_turn(x: Array) -> float | None:
+    """Return the count of a register of whole bits that holds all counts; None for other numbers.
+
+    Parameters
+    ----------
+    x : array (n,)
+        Positions as recorded, NaN for missing ones.
+    """
+    x = x[np.isfinite(x)]
+    if not len(x) or np.any(x != np.floor(x)):
+        return None
+    least, most = float(x.min()), float(x.max()) + 1.0
+    count = most if least >= 0 else 2 * max(-least, most)
+    return float(2.0 ** np.ceil(np.log2(count))) if count >= 2 * LEAST else None
+
+
+def unwrap(x: Array, turn: float) -> Array:
+    """Return positions without jumps of whole turns, from the first position on."""
+    steps = np.diff(x[np.isfinite(x)])
+    found = x.copy()
+    found[np.isfinite(x)] -= turn * np.concatenate([[0.0], np.cumsum(np.round(steps / turn))])
+    return found

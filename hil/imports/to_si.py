@@ -38,8 +38,12 @@ class Conversion:
 
     Attributes
     ----------
-    efforts : array (n_joints, n_joints)
-        Matrix that converts recorded torques to joint torques, from the right.
+    positions, efforts : array (n_joints, n_joints)
+        Matrices that convert recorded positions and torques to those of joints, from the right.
+    offset : array (n_joints,)
+        Offsets of the positions [rad or m].
+    turns : array (n_joints,)
+        Turn of each motor in the unit of its recorded position; NaN for an unknown gear ratio.
 
     Raises
     ------
@@ -72,8 +76,11 @@ class Conversion:
                 speeds = speeds @ inverse[np.ix_(self._moving, self._moving)].T
             if content.torque_side == "motor":
                 efforts = efforts @ matrix
-        self._matrices, self.efforts = (to_joints, speeds), efforts
-        self._offset = np.array([position.offset for position in positions])
+        self.positions, self._speeds, self.efforts = to_joints, speeds, efforts
+        self.offset = np.array([position.offset for position in positions])
+        self.turns = 2 * np.pi / np.abs(q)
+        if content.position_side == "joint":
+            self.turns /= np.abs(np.diag(robot.motor_matrix))
 
     def convert(self, block: Array, row: int) -> tuple[Array, Array]:
         """Return times since `origin` [s] (n,), and positions, torques, velocities (n, 3 n_joints).
@@ -89,12 +96,11 @@ class Conversion:
         time, rest = self._times.convert(block[:, : self._times.n], row), block[:, self._times.n :]
         if np.isinf(rest).any():
             rest = np.where(np.isinf(rest), np.nan, rest)
-        to_joints, speeds = self._matrices
         values = np.empty((len(block), 3 * n))
         values[:, 2 * n :][:, ~self._moving] = np.nan
-        values[:, :n] = rest[:, :n] @ to_joints + self._offset
+        values[:, :n] = rest[:, :n] @ self.positions + self.offset
         values[:, n : 2 * n] = rest[:, n : 2 * n] @ self.efforts
-        values[:, 2 * n :][:, self._moving] = rest[:, 2 * n :] @ speeds
+        values[:, 2 * n :][:, self._moving] = rest[:, 2 * n :] @ self._speeds
         return time, values
 
     def torques(self, block: Array) -> Array:

@@ -5,7 +5,7 @@ import pytest
 from small_recording import a_map, table, write_csv, write_map
 
 from hil.imports.importing import import_recordings
-from hil.imports.signs import signed
+from hil.imports.signs import signed, turn_of
 
 
 def magnitude(x, half):
@@ -58,3 +58,59 @@ def test_noise_and_friction_about_zero_hide_no_code(words):
 ])  # fmt: skip
 def test_other_numbers_stay_as_they_are(right):
     assert signed(right) is None
+
+
+def wrapped(angle, turn, counts):
+    """Return the counts of an encoder of one turn."""
+    return np.round(angle / turn * counts) % counts
+
+
+def turns_of_motors(columns):
+    """Return angles of the motors of `small_recording.ROBOT`, faster than its joints."""
+    return [50 * columns["q1"], 20 * columns["q2"]]
+
+
+@pytest.mark.parametrize("side", ["motor", "joint"])
+@pytest.mark.parametrize("counts", [16384, 20000, 360])
+def test_an_encoder_of_one_turn_on_the_motor_is_unwrapped(tmp_path, side, counts):
+    columns = table(rate=1000.0)
+    motors = turns_of_motors(columns)
+    raw = [wrapped(angle, 2 * np.pi, counts) for angle in motors]
+    write_csv(tmp_path / "data.csv", columns | {"q1": raw[0], "q2": raw[1]})
+    content = a_map(position_side=side)
+    for joint, gear in zip(content["joints"], (50, 20), strict=True):
+        size = 2 * np.pi / counts / (1 if side == "motor" else gear)
+        joint["position"] |= {"unit": "counts", "per_unit": float(size)}
+    found = []
+    run = import_recordings([write_map(tmp_path, content)], tmp_path / "run", found.append)
+    q = run["map-01"].recording.q
+    for joint, (gear, name) in enumerate(zip((50, 20), ("q1", "q2"), strict=True)):
+        # the first turn is unknown
+        turns = (q[:, joint] - columns[name]) * gear / (2 * np.pi)
+        np.testing.assert_allclose(turns, round(turns[0]), atol=0.51 / counts)
+        said = f"positions of joint {joint + 1} are unwrapped by {counts} of their unit"
+        assert said in "\n".join(found[0].lines())
+    assert not found[0].doubts
+
+
+TIME = np.arange(3000) / 100
+
+
+@pytest.mark.parametrize("other", [
+    np.round(2000 * np.sin(TIME)),  # no jump
+    np.where(np.arange(3000) % 400 == 9, 0.0, 4095.0 + 0 * TIME),  # outliers
+    np.where(np.arange(3000) % 500 < 250, 0.0, 4095.0),  # steps between two positions at rest
+    np.concatenate([4095 * (1 - np.cos(np.pi * np.arange(300) / 300)) / 2] * 10),  # repeated motion
+    np.concatenate([3000 + 500 * np.sin(TIME[:700] * k) for k in range(1, 6)]),  # other recordings
+    np.where(TIME % 5 < 2.5, 40.0, 0.0) * TIME % 300,  # jumps by less than a turn of the encoder
+    np.full(3000, np.nan),
+    np.zeros(3000),
+])  # fmt: skip
+def test_positions_that_pass_no_end_of_a_turn_stay_as_they_are(other):
+    assert turn_of(other, [4096.0, 8192.0]) is None
+
+
+def test_flicker_and_outliers_hide_no_turn_of_an_encoder():
+    coded = wrapped(40 * np.sin(TIME), 2 * np.pi, 4096)
+    coded[300:320:2], coded[301:320:2], coded[1500] = 0.0, 4095.0, np.nan
+    assert turn_of(coded, [4096.0]) == 4096.0
