@@ -14,7 +14,7 @@ import numpy as np
 from checked_files.yaml_file import FileError
 from hil.imports.readers import open_table
 from hil.imports.signs import could_lack_signs, register_turn, signed, turn_of, unwrap
-from hil.imports.tables import NoColumn, column_of
+from hil.imports.tables import SECONDS, NoColumn, column_of, units_of_date
 from hil.imports.to_si import EPOCH, Conversion
 
 if TYPE_CHECKING:
@@ -145,10 +145,26 @@ def read_samples(
         )
     from_date = bool(np.nanmax(np.abs(conversion.origin + time), initial=0.0) > EPOCH)
     if from_date:
+        _refuse_other_date(the_map, conversion.origin)
         time -= np.nanmin(time)
     present = tuple(np.sum(numbers, axis=0).tolist())
     whole = np.concatenate(complete)
     return Samples(time, values, whole, tuple(begins), from_date, wraps, present, tuple(notes))
+
+
+def _refuse_other_date(the_map: MapFile, origin: float) -> None:
+    """Refuse stamps that are dates of this century in another unit than stated alone."""
+    stated = the_map.content.time
+    if stated is None or stated.plus is not None or abs(origin) <= EPOCH:
+        return
+    units = units_of_date(origin / SECONDS[stated.unit])
+    if units and stated.unit not in units:
+        unit, year = next(iter(units.items()))
+        raise the_map.wrong(
+            ("time", "unit"),
+            f"{stated.unit} makes the first stamp {origin:.6g} s, no date of this century; in "
+            f"{unit} it is one, counted from {year}: write unit: {unit}",
+        )
 
 
 def _restore_signs(values: Array, efforts: Array, unsigned: Mask) -> Iterator[str]:
