@@ -13,7 +13,7 @@ import numpy as np
 
 from checked_files.yaml_file import FileError
 from hil.imports.readers import open_table
-from hil.imports.signs import could_lack_signs, register_turn, signed, turn_of, unwrap
+from hil.imports.signs import coding_of, could_lack_signs, register_turn, turn_of, unwrap
 from hil.imports.tables import SECONDS, NoColumn, column_of, units_of_date
 from hil.imports.to_si import EPOCH, Conversion
 
@@ -110,7 +110,7 @@ def read_samples(
     times, complete, begins, n, wraps = [], [], [], 0, 0
     numbers: list[Integers] = []
     notes: dict[str, None] = {}
-    unsigned = np.ones(robot.n_joints, dtype=bool)
+    unsigned = np.ones(conversion.n_recorded, dtype=bool)
     with scratch.open("wb") as file:
         for number, name in enumerate(the_map.content.files):
             begins.append(n)
@@ -118,8 +118,8 @@ def read_samples(
             path = the_map.resolve(name, ("files", number))
             for block in _file_blocks(the_map, number, name, notes):
                 numbers.append(np.isfinite(block).sum(axis=0))
-                torques = conversion.torques(block)
-                unsigned[unsigned] = [could_lack_signs(x) for x in torques[:, unsigned].T]
+                recorded = conversion.recorded(block)
+                unsigned[unsigned] = [could_lack_signs(x) for x in recorded[:, unsigned].T]
                 for part in np.split(block, range(IN_CACHE, len(block), IN_CACHE)):
                     time, values = conversion.convert(part, n - begins[-1])
                     file.write(values.data)
@@ -135,9 +135,9 @@ def read_samples(
                 raise FileError(f"{path}: has no rows; name a file with rows")
     time = np.concatenate(times)
     values = np.memmap(scratch, np.float64, "r+", shape=(n, 3 * robot.n_joints))
-    notes |= dict.fromkeys(_restore_signs(values, conversion.efforts, unsigned))
-    if unwrapped := list(_restore_turns(values, conversion)):
-        notes |= dict.fromkeys(unwrapped)
+    decoded = [*_restore_signs(values, conversion, unsigned), *_restore_turns(values, conversion)]
+    if decoded:
+        notes |= dict.fromkeys(decoded)
         wraps = sum(
             int(np.count_nonzero(np.abs(np.diff(part[:, joint])) > np.pi))
             for part in np.split(values, begins[1:])
@@ -167,32 +167,43 @@ def _refuse_other_date(the_map: MapFile, origin: float) -> None:
         )
 
 
-def _restore_signs(values: Array, efforts: Array, unsigned: Mask) -> Iterator[str]:
-    """Restore the signs of torques recorded without sign; yield statements of the changes."""
-    torques = values[:, (n := len(unsigned)) : 2 * n]
-    for joint in np.flatnonzero(unsigned).tolist():
-        recorded = torques @ np.linalg.inv(efforts)[:, joint]
-        if (found := signed(recorded.round())) is not None:
-            with_signs, words = found
-            torques += np.outer(with_signs - recorded, efforts[joint])
-            yield f"torques of joint {joint + 1} are read as {words}: smooth only in this reading"
+def _restore_signs(values: Array, conversion: Conversion, unsigned: Mask) -> Iterator[str]:
+    """Restore the signs of values recorded without sign; yield statements of the changes."""
+    for kind, columns in conversion.kinds.items():
+        lacking = np.flatnonzero(unsigned[columns.recorded]).tolist()
+        recorded = {place: columns.restore(values, place) for place in lacking}
+        found = {
+            place: coding_of(x.round(), jumps=kind != "positions") for place, x in recorded.items()
+        }
+        codings = {coding for coding in found.values() if coding is not None}
+        for place, x in recorded.items():
+            coding, why = found[place], "smooth only in this reading"
+            if coding is None and len(codings) == 1:
+                (other,) = codings
+                # an encoder of one turn may count its whole turn, without negative values
+                one = np.isclose(2 * other.half, conversion.turns[place]).any()
+                shared = kind != "positions" or not one
+                coding = other if shared and other.is_shared(x.round()) else None
+                why = "as of other joints"
+            if coding is not None:
+                columns.add(values, place, coding.decode(x.round()) - x)
+                joint = columns.converted[place] % len(conversion.turns) + 1
+                yield f"{kind} of joint {joint} are read as {coding}: {why}"
 
 
 def _restore_turns(values: Array, conversion: Conversion) -> Iterator[str]:
     """Unwrap positions of encoders of one turn; yield statements of the changes."""
-    n = len(conversion.turns)
-    back = np.linalg.inv(conversion.positions)
+    positions = conversion.kinds["positions"]
     for joint, own in enumerate(conversion.turns.tolist()):
-        recorded = (values[:, :n] - conversion.offset) @ back[:, joint]
+        recorded = positions.restore(values, joint)
         rounded = recorded.round()
         rounding = np.abs(np.nan_to_num(recorded - rounded)).max(initial=0.0)
         counts = rounded if rounding < WHOLE else recorded
-        turn = turn_of(counts, [own, register_turn(counts) or own])
+        turn = turn_of(counts, [*own, register_turn(counts) or own[0]])
         # `Samples.read` removes whole turns of joints
-        if turn is None or np.isclose(np.abs(turn * conversion.positions[joint]).max(), 2 * np.pi):
+        if turn is None or np.isclose(np.abs(turn * positions.matrix[joint]).max(), 2 * np.pi):
             continue
-        whole = unwrap(counts, turn)
-        values[:, :n] += np.outer(whole - counts, conversion.positions[joint])
+        positions.add(values, joint, unwrap(counts, turn) - recorded)
         yield (
             f"positions of joint {joint + 1} are unwrapped by {turn:.6g} of their unit, one turn of"
             " the encoder: the motion goes on only in this reading"

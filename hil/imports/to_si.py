@@ -9,23 +9,60 @@ nanoseconds. So the first row is subtracted from the columns before adding, and 
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from checked_files.yaml_file import FileError
-from hil.imports.tables import JOINT_TYPES, SECONDS, STAMP_UNITS, position_factor
+from hil.imports.tables import JOINT_TYPES, ROWS, SECONDS, STAMP_UNITS, position_factor
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from hil.arrays import Array, Mask
+    from hil.arrays import Array, Integers, Mask
     from hil.imports.map_file import MapFile, Position, Torque, Velocity
     from hil.imports.tables import TimeUnit
     from hil.model.robot import Robot
 
 EPOCH = 1e8
 """Minimum stamp that counts from a date, not from the start of the recording [s]."""
+
+
+@dataclass(frozen=True, eq=False)
+class ColumnsOfKind:
+    """Columns of positions, torques or velocities, converted and recorded.
+
+    Attributes
+    ----------
+    converted : array (n,) of int
+        Columns of the converted values.
+    recorded : slice
+        Columns of the recorded values.
+    matrix : array (n, n)
+        Matrix that converts recorded values, from the right.
+    offset : array (n,)
+        Offset added after the conversion.
+    """
+
+    converted: Integers
+    recorded: slice
+    matrix: Array
+    offset: Array
+
+    def restore(self, values: Array, place: int) -> Array:
+        """Return a column as recorded, from converted values; block by block to save memory."""
+        back = np.linalg.inv(self.matrix)[:, place]
+        used = np.flatnonzero(back)  # values missing elsewhere do not matter
+        columns, offset = self.converted[used], self.offset[used]
+        parts = (values[begin : begin + ROWS] for begin in range(0, len(values), ROWS))
+        return np.concatenate([(part[:, columns] - offset) @ back[used] for part in parts])
+
+    def add(self, values: Array, place: int, change: Array) -> None:
+        """Change converted values by a change of a recorded column."""
+        for column, factor in zip(self.converted, self.matrix[place], strict=True):
+            if factor:
+                values[:, column] += factor * change
 
 
 class Conversion:
@@ -38,12 +75,9 @@ class Conversion:
 
     Attributes
     ----------
-    positions, efforts : array (n_joints, n_joints)
-        Matrices that convert recorded positions and torques to those of joints, from the right.
-    offset : array (n_joints,)
-        Offsets of the positions [rad or m].
-    turns : array (n_joints,)
-        Turn of each motor in the unit of its recorded position; NaN for an unknown gear ratio.
+    turns : array (n_joints, 2)
+        One turn of the recorded side, and of the motor, in the unit of the recorded position; NaN
+        for an unknown gear ratio.
 
     Raises
     ------
@@ -76,11 +110,12 @@ class Conversion:
                 speeds = speeds @ inverse[np.ix_(self._moving, self._moving)].T
             if content.torque_side == "motor":
                 efforts = efforts @ matrix
-        self.positions, self._speeds, self.efforts = to_joints, speeds, efforts
-        self.offset = np.array([position.offset for position in positions])
-        self.turns = 2 * np.pi / np.abs(q)
+        self._positions, self._speeds, self._efforts = to_joints, speeds, efforts
+        self._offset = np.array([position.offset for position in positions])
+        gears = np.ones((self._n, 2))
         if content.position_side == "joint":
-            self.turns /= np.abs(np.diag(robot.motor_matrix))
+            gears[:, 1] = np.abs(np.diag(robot.motor_matrix))
+        self.turns = 2 * np.pi / np.abs(q)[:, np.newaxis] / gears
 
     def convert(self, block: Array, row: int) -> tuple[Array, Array]:
         """Return times since `origin` [s] (n,), and positions, torques, velocities (n, 3 n_joints).
@@ -98,14 +133,32 @@ class Conversion:
             rest = np.where(np.isinf(rest), np.nan, rest)
         values = np.empty((len(block), 3 * n))
         values[:, 2 * n :][:, ~self._moving] = np.nan
-        values[:, :n] = rest[:, :n] @ self.positions + self.offset
-        values[:, n : 2 * n] = rest[:, n : 2 * n] @ self.efforts
+        values[:, :n] = rest[:, :n] @ self._positions + self._offset
+        values[:, n : 2 * n] = rest[:, n : 2 * n] @ self._efforts
         values[:, 2 * n :][:, self._moving] = rest[:, 2 * n :] @ self._speeds
         return time, values
 
-    def torques(self, block: Array) -> Array:
-        """Return the recorded torques of a block, shape (n, n_joints)."""
-        return block[:, self._times.n + self._n :][:, : self._n]
+    @property
+    def n_recorded(self) -> int:
+        """Number of recorded positions, torques and velocities."""
+        return 2 * self._n + int(self._moving.sum())
+
+    def recorded(self, block: Array) -> Array:
+        """Return the recorded positions, torques and velocities of a block."""
+        return block[:, self._times.n :]
+
+    @property
+    def kinds(self) -> dict[str, ColumnsOfKind]:
+        """Columns of positions, torques and recorded velocities."""
+        n, joints, moving = self._n, np.arange(self._n), np.flatnonzero(self._moving)
+        none = np.zeros(n)
+        return {
+            "positions": ColumnsOfKind(joints, slice(n), self._positions, self._offset),
+            "torques": ColumnsOfKind(n + joints, slice(n, 2 * n), self._efforts, none),
+            "velocities": ColumnsOfKind(
+                2 * n + moving, slice(2 * n, None), self._speeds, none[moving]
+            ),
+        }
 
     @property
     def origin(self) -> float:

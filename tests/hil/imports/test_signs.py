@@ -5,7 +5,7 @@ import pytest
 from small_recording import a_map, table, write_csv, write_map
 
 from hil.imports.importing import import_recordings
-from hil.imports.signs import signed, turn_of
+from hil.imports.signs import coding_of, turn_of
 
 
 def magnitude(x, half):
@@ -43,9 +43,9 @@ def test_noise_and_friction_about_zero_hide_no_code(words):
     right = np.round(400 * np.sin(3 * t) + friction + noise)
     coded = CODES[words](right, 1024)
     coded[7] = np.nan
-    values, said = signed(coded)
-    assert said.startswith(words)
-    np.testing.assert_array_equal(np.delete(values, 7), np.delete(right, 7))
+    coding = coding_of(coded)
+    assert coding.name == words
+    np.testing.assert_array_equal(np.delete(coding.decode(coded), 7), np.delete(right, 7))
 
 
 @pytest.mark.parametrize("right", [
@@ -57,7 +57,7 @@ def test_noise_and_friction_about_zero_hide_no_code(words):
     0.5 + np.round(900 + 800 * np.sin(np.arange(3000) / 40)),
 ])  # fmt: skip
 def test_other_numbers_stay_as_they_are(right):
-    assert signed(right) is None
+    assert coding_of(right) is None
 
 
 def wrapped(angle, turn, counts):
@@ -114,3 +114,74 @@ def test_flicker_and_outliers_hide_no_turn_of_an_encoder():
     coded = wrapped(40 * np.sin(TIME), 2 * np.pi, 4096)
     coded[300:320:2], coded[301:320:2], coded[1500] = 0.0, 4095.0, np.nan
     assert turn_of(coded, [4096.0]) == 4096.0
+
+
+@pytest.mark.parametrize("words", CODES)
+@pytest.mark.parametrize("half", [1024, 32768])
+def test_a_torque_that_never_changes_sign_is_read_as_those_of_other_joints(tmp_path, words, half):
+    """Gravity holds an axis to one side: no jump shows that its torques are negative."""
+    columns = table()
+    right = [-np.round(columns["m1"] / 0.2) - 300, np.round(columns["m2"] / 0.2)]
+    assert right[0].max() < 0
+    coded = [CODES[words](x, half) for x in right]
+    content = a_map()
+    for joint in content["joints"]:
+        joint["torque"] |= {"unit": "A", "gain": 0.2}
+    content["joints"][0]["torque"]["sign"] = -1
+    found = []
+    write_csv(tmp_path / "data.csv", columns | {"m1": coded[0], "m2": coded[1]})
+    run = import_recordings([write_map(tmp_path, content)], tmp_path / "run", found.append)
+    signs = np.array([-0.2, 0.2])
+    np.testing.assert_allclose(run["map-01"].recording.tau, signs * np.stack(right, axis=1))
+    said = f"torques of joint 1 are read as {words}: values from {half} on are negative: as of"
+    assert said in "\n".join(found[0].lines())
+
+
+@pytest.mark.parametrize("words", CODES)
+@pytest.mark.parametrize("half", [32768, 2**31])
+def test_positions_and_velocities_without_signs_get_theirs(tmp_path, words, half):
+    columns, size = table(), 0.0015
+    names = [f"{key}{joint}" for joint in (1, 2) for key in "qv"]
+    right = {name: np.round(columns[name] / size) for name in names}
+    content = a_map(velocity=True)
+    for joint in content["joints"]:
+        joint["position"] |= {"unit": "counts", "per_unit": size, "offset": 0.1, "sign": -1}
+        joint["velocity"] |= {"unit": "counts/s", "per_unit": size, "sign": -1}
+    coded = {name: CODES[words](-x, half) for name, x in right.items()}
+    write_csv(tmp_path / "data.csv", columns | coded)
+    found = []
+    run = import_recordings([write_map(tmp_path, content)], tmp_path / "run", found.append)
+    q = run["map-01"].recording.q
+    np.testing.assert_allclose(q, 0.1 + size * np.stack([right["q1"], right["q2"]], axis=1))
+    for kind in ("positions", "velocities"):
+        for joint in (1, 2):
+            assert f"{kind} of joint {joint} are read as {words}" in "\n".join(found[0].lines())
+
+
+@pytest.mark.parametrize("counts", [1024, 4096])
+def test_an_encoder_of_one_turn_lacks_no_sign(counts):
+    assert coding_of(wrapped(40 * np.sin(TIME), 2 * np.pi, counts), jumps=False) is None
+
+
+@pytest.mark.parametrize("half", [2048, 32768])
+@pytest.mark.parametrize("n_turns", [1, 16])
+def test_the_position_of_another_joint_is_negative_in_a_register_of_several_turns_alone(
+    tmp_path, half, n_turns
+):
+    """Joint 1 passes the zero of its encoder, joint 2 stays at 0.7 of its greatest count."""
+    columns, size = table(), n_turns * 2 * np.pi / (2 * half)
+    first = complement(np.round(columns["q1"] / size), half)
+    middle = 0.7 * n_turns * 2 * np.pi
+    second = np.round((columns["q2"] / 2 + middle) / size)
+    content = a_map()
+    for joint in content["joints"]:
+        joint["position"] |= {"unit": "counts", "per_unit": size}
+    content["joints"][1]["position"]["offset"] = -middle
+    write_csv(tmp_path / "data.csv", columns | {"q1": first, "q2": second})
+    content["accept"] = ["range", "shape", "velocity"]
+    run = import_recordings([write_map(tmp_path, content)], tmp_path / "run")
+    q = run["map-01"].recording.q
+    np.testing.assert_allclose(q[:, 0], columns["q1"], atol=size)
+    # a register of several turns holds negative values
+    less = 0.0 if n_turns == 1 else n_turns * 2 * np.pi
+    np.testing.assert_allclose(q[:, 1], columns["q2"] / 2 - less, atol=size)
