@@ -152,6 +152,12 @@ def read_samples(
     return Samples(time, values, whole, tuple(begins), from_date, wraps, present, tuple(notes))
 
 
+def positions_reached(samples: Samples, parts: Sequence[Integers]) -> tuple[Array, Array]:
+    """Return the least and greatest positions of some rows, shape (n_joints,) each."""
+    q = [samples.read(rows)[:, : samples.n_joints] for rows in parts]
+    return np.min([x.min(axis=0) for x in q], axis=0), np.max([x.max(axis=0) for x in q], axis=0)
+
+
 def _refuse_other_date(the_map: MapFile, origin: float) -> None:
     """Refuse stamps that are dates of this century in another unit than stated alone."""
     stated = the_map.content.time
