@@ -33,11 +33,14 @@ def drafted(path):
          "joint1/effort", "joint2/effort"),
         ("stamp", "position.shoulder", "position.elbow", "velocity.shoulder", "velocity.elbow",
          "torque.shoulder", "torque.elbow"),
+        ("time", "qpos/1", "qpos/2", "qvel/1", "qvel/2", "qfrc_actuator/1", "qfrc_actuator/2"),
     ],
 )  # fmt: skip
 def test_columns_are_matched_to_joints_by_their_names(tmp_path, names):
     columns = dict(zip(names, table().values(), strict=True))
     columns["target_q_0"] = columns[names[1]]
+    for other in ("qfrc_bias", "qfrc_passive", "qfrc_applied", "ctrl"):  # of MuJoCo
+        columns |= {f"{other}/{joint}": columns[names[4 + joint]] for joint in (1, 2)}
     write_csv(tmp_path / "a.csv", columns)
     found = drafted(tmp_path / "a.csv")
     assert found["time"]["column"] == names[0]
