@@ -1,6 +1,6 @@
-"""YAML of lines that each hold a value of JSON: read by the scanner of JSON, some 20 times as fast.
+"""YAML with a value of JSON on every line: read by the scanner of JSON, some 20 times as fast.
 
-Every YAML reader takes this form, and a file by hand in any other form of YAML is read as such::
+Every YAML reader takes this form. A file in another form of YAML is read as such::
 
     name: VALUE
     name:
@@ -116,7 +116,7 @@ def read_lines(
     ----------
     text : str
     verbatim : container of str
-        Keys whose texts keep their lines; others become one line (`foreign_text.whole_line`).
+        Keys whose texts keep their lines; other texts become lines (`foreign_text.whole_line`).
     depth, values : int
         Maximum nesting, and number of values.
     without : container of str

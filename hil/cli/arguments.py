@@ -270,7 +270,7 @@ def refuse_no_channel(interface: str, channel: str | None) -> None:
         )
 
 
-def bus_options(pairs: Sequence[str] | None) -> dict[str, object]:
+def parse_pairs(pairs: Sequence[str] | None) -> dict[str, object]:
     """Convert ``key=value`` to keyword arguments, with numbers and booleans recognised.
 
     Raises
@@ -282,7 +282,7 @@ def bus_options(pairs: Sequence[str] | None) -> dict[str, object]:
     for pair in pairs or ():
         key, separator, value = pair.partition("=")
         if not separator or not key.isidentifier():
-            raise typer.BadParameter(f"{pair!r} must read key=value, such as bitrate=1000000")
+            raise typer.BadParameter(f"{pair!r} must read key=value")
         options[key] = _value(value)
     return options
 

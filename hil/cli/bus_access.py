@@ -12,7 +12,7 @@ from checked_files.near import did_you_mean
 from checked_files.yaml_file import FileError
 from drivers.drives_file import load_drives
 from drivers.opening import open_fieldbus
-from hil.cli.arguments import bus_options, refuse_no_channel
+from hil.cli.arguments import parse_pairs, refuse_no_channel
 from hil.cli.realtime import real_time, short_slices
 from hil.model.robot import ROBOTS
 from hil.terminal.console import out
@@ -105,7 +105,7 @@ def open_interface(
     interface: str, channel: str, bitrate: int | None, pairs: list[str] | None
 ) -> Fieldbus:
     """Open a bus with the options of the command line, to be used as a context manager."""
-    return open_fieldbus(interface, channel, {"bitrate": bitrate, **bus_options(pairs)})
+    return open_fieldbus(interface, channel, {"bitrate": bitrate, **parse_pairs(pairs)})
 
 
 @contextmanager

@@ -10,7 +10,15 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from checked_files.foreign_text import shown
-from hil.cli.arguments import Masses, Scheduler, Without, Workers, body_bounds, executor
+from hil.cli.arguments import (
+    Masses,
+    Scheduler,
+    Without,
+    Workers,
+    body_bounds,
+    executor,
+    parse_pairs,
+)
 from hil.cli.completion import files, formats, robots, runs
 from hil.cli.outputs import Status, folder_to_write, new_folder, output_option, refuse_no_folder
 from hil.terminal.console import out, say, working
@@ -43,6 +51,15 @@ def import_(
             help="Robot file, URDF, or name of a robot, for --draft.", autocompletion=robots
         ),
     ] = None,
+    layout: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--format",
+            metavar="KEY=VALUE",
+            help="Layout of the recording for --draft, such as topic=/joint_states or skip=3; may"
+            " be repeated.",
+        ),
+    ] = None,
     allowed: Annotated[
         list[Path] | None,
         typer.Option(
@@ -64,10 +81,12 @@ def import_(
     if (draft is None) == (not maps):
         raise typer.BadParameter("give either maps, or a recording with --draft")
     if draft is not None:
-        _draft(draft, output, robot)
+        _draft(draft, output, robot, layout)
         return
-    if robot is not None:
-        raise typer.BadParameter("maps name their robot; omit --robot, or draft a map by --draft")
+    if robot is not None or layout:
+        raise typer.BadParameter(
+            "maps name their robot and format; omit --robot and --format, or draft a map by --draft"
+        )
     from hil.imports.importing import import_recordings
 
     paths, done = list(maps or ()), 0
@@ -94,10 +113,13 @@ def _relative(path: Path, output: Path) -> str:
     return Path(os.path.relpath(path.resolve(), output.resolve().parent)).as_posix()
 
 
-def _draft(recording: Path, output: Path, robot: str | None) -> None:
+def _draft(recording: Path, output: Path, robot: str | None, layout: list[str] | None) -> None:
     """Write a first map, with the paths of recording and robot relative to the map."""
-    from checked_files.yaml_file import UNSTATED
+    from pydantic import ValidationError
+
+    from checked_files.yaml_file import UNSTATED, problems
     from hil.imports.draft import draft_map
+    from hil.imports.map_file import Format
     from hil.model.robot import Robot
     from hil.runs.atomic_file import write_file
 
@@ -105,8 +127,12 @@ def _draft(recording: Path, output: Path, robot: str | None) -> None:
     paths, robot_name = {recording: _relative(recording, output)}, robot or ""
     if Path(robot_name).is_file():
         robot_name = paths[Path(robot_name)] = _relative(Path(robot_name), output)
+    try:
+        stated = Format.model_validate(parse_pairs(layout))
+    except ValidationError as error:
+        raise typer.BadParameter("; ".join(problems(error)), param_hint="--format") from error
     known = Robot.load(robot) if robot else None
-    text = draft_map(recording, paths[recording], known, robot_name)
+    text = draft_map(recording, paths[recording], known, robot_name, stated)
     write_file(output, text.encode())
     outside = {p.resolve().parent for p, name in paths.items() if name.startswith("..")}
     options = "".join(f" --files {folder}" for folder in sorted(outside))

@@ -18,8 +18,8 @@ from hil.cli.arguments import (
     RobotOption,
     RobotsBus,
     WorkspaceOption,
-    bus_options,
     expand_records,
+    parse_pairs,
     refuse_no_channel,
 )
 from hil.cli.completion import runs
@@ -172,7 +172,7 @@ def measure(
         refuse_unusable(output, resume)
         drives, text = _check_drives(the_plan, the_robot, source, how, feeds=feeds)
     channel = how.channel or the_robot.name
-    options = bus_options(how.bus_option)
+    options = parse_pairs(how.bus_option)
     planned = repeat_measurements(the_plan, rounds)
     feed = _feed(how, planned, the_robot, rehearsal, watcher)
     display = display or shown
@@ -224,7 +224,7 @@ def _show_changes(the_plan: Plan, the_robot: Robot, source: Path, output: Path, 
 
     drives, _ = _check_drives(the_plan, the_robot, source, how)
     channel = how.channel or the_robot.name
-    bus_options(how.bus_option)
+    parse_pairs(how.bus_option)
     kept = kept_in(output, how.interface, channel)
     with bus_access.open_interface(how.interface, channel, drives.bitrate, how.bus_option) as bus:
         drive_settings.show_changes(drives, bus, kept)

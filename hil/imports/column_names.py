@@ -17,14 +17,14 @@ _IN_BRACKETS = re.compile(r"[\[(]([^\[\]()]*)[\])]")
 _SUFFIX = re.compile(r"[ _.](deg|rad|rpm|nm|mm|sec|ms|us|ns|(?<=time.)s)$", re.I)
 """Units at the end of a name; without `a` and `m`, which may also be a phase and a motor."""
 _WORDS = {
-    "position": {"position", "positions", "pos", "q", "theta", "angle", "x", "winkel"},
+    "position": {"position", "positions", "pos", "q", "qpos", "theta", "angle", "x", "winkel"},
     "velocity": {
         *("velocity", "velocities", "vel", "velo", "qd", "dq", "qdot", "dtheta", "speed", "omega"),
-        *("v", "geschwindigkeit", "drehzahl"),
+        *("v", "qvel", "geschwindigkeit", "drehzahl"),
     },
     "torque": {
         *("torque", "torques", "tau", "effort", "eff", "current", "currents", "curr", "cur"),
-        *("force", "i", "u", "f", "tq", "voltage", "moment", "drehmoment", "strom"),
+        *("force", "i", "u", "f", "tq", "voltage", "moment", "drehmoment", "strom", "qfrc"),
     },
 }
 """Words in the names of columns, by kind."""
@@ -38,7 +38,9 @@ _TIME_AXIS = "x_value"
 SECOND_WORDS = {"sec", "secs", "second", "seconds", "s"}
 NANOSECOND_WORDS = {"nanosec", "nanosecs", "nanosecond", "nanoseconds", "nsec", "nsecs", "ns"}
 _SET_POINTS = {"ref", "reference", "des", "desired", "cmd", "command", "target", "set", "goal"}
-_SET_POINTS |= {"action", "actions", "setpoint", "setpoints", "sp", "soll", "input", "d"}
+_SET_POINTS |= {"ctrl", "action", "actions", "setpoint", "setpoints", "sp", "soll", "input", "d"}
+_PARTS_OF_TORQUE = {"applied", "bias", "constraint", "gravcomp", "inverse", "passive"}
+"""Parts of the torque of a joint in MuJoCo, `qfrc_bias`, beside that of its actuator."""
 _FILLERS = {"actual", "measured", "meas", "act", "ist"}
 
 
@@ -59,6 +61,8 @@ def meaning_of(name: str, *, rises: bool) -> tuple[str, list[str]]:
     words = words_of(rest)
     kind, word = _kind(words, unit, rises=rises)
     kind = OTHER if (_SET_POINTS | _TIMES).intersection(words) else kind
+    if word == "qfrc" and _PARTS_OF_TORQUE.intersection(words):
+        kind = ""
     return kind, [each for each in words if each not in {word, *_FILLERS}]
 
 

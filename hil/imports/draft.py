@@ -7,6 +7,7 @@ names and magnitudes in the mark's text, so that no guess goes unread.
 
 from __future__ import annotations
 
+import json
 import re
 from dataclasses import dataclass
 from itertools import pairwise
@@ -29,7 +30,7 @@ from hil.imports.column_names import (
 )
 from hil.imports.map_file import Format
 from hil.imports.readers import open_table
-from hil.imports.tables import SECONDS, listed
+from hil.imports.tables import SECONDS, listed, units_of_date
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping, Sequence
@@ -42,8 +43,6 @@ if TYPE_CHECKING:
     Named = tuple["SeenColumn", set[str], list[str]]
     """Column, words of its name, and the numbers in the name."""
 
-_EPOCH = (9.4e8, 4.1e9)
-"""Seconds since 1970 in 2000 and 2099."""
 _ROBOT = "a robot file, a URDF, or the name of a robot"
 _UNITS = {
     "position": "rad, deg, m, mm, turns or counts",
@@ -56,7 +55,13 @@ LOOKED_AT = 100_000
 """Approximate number of inspected rows."""
 
 
-def draft_map(path: Path, name: str, robot: Robot | None = None, robot_name: str = "") -> str:
+def draft_map(
+    path: Path,
+    name: str,
+    robot: Robot | None = None,
+    robot_name: str = "",
+    layout: Format | None = None,
+) -> str:
     """Return the text of a first map.
 
     Parameters
@@ -69,13 +74,16 @@ def draft_map(path: Path, name: str, robot: Robot | None = None, robot_name: str
         Robot whose joints give the order, if the columns' names contain the joints' names.
     robot_name : str
         Name or file of the robot in the map.
+    layout : Format, optional
+        Layout of the file, where it cannot be detected.
 
     Raises
     ------
     FileError
         The file cannot be read, or holds no columns of numbers.
     """
-    table = open_table(path, Format())
+    layout = layout or Format()
+    table = open_table(path, layout)
     columns, looked_at, empty = look(table)
     if not columns:
         left_out = listed({**empty, **table.left_out})
@@ -97,6 +105,7 @@ def draft_map(path: Path, name: str, robot: Robot | None = None, robot_name: str
             *_left_out_lines(others),
             f"robot: {quoted(robot_name) if robot else mark_unstated(_ROBOT)}",
             f"files: [{quoted(name)}]",
+            *_format_lines(layout),
             *_time_lines(time, from_format=bool(table.time)),
             *_segment_lines(time, looked_at),
             "joints: # in the robot's order, as many as it has",
@@ -111,6 +120,12 @@ def draft_map(path: Path, name: str, robot: Robot | None = None, robot_name: str
             "",
         ]
     )
+
+
+def _format_lines(layout: Format) -> Iterator[str]:
+    if stated := layout.model_dump(exclude_unset=True):
+        yield "format:"
+        yield from (f"  {key}: {json.dumps(value)}" for key, value in stated.items())
 
 
 def _left_out_lines(left_out: Mapping[str, str]) -> Iterator[str]:
@@ -148,7 +163,8 @@ def _stamp_in_two(columns: Sequence[SeenColumn]) -> tuple[SeenColumn, ...]:
         if len(rest) < len(words) and is_part and rest in seconds:
             return seconds[rest], column
     for first, second in pairwise(columns):  # as by ros2 topic echo --csv
-        whole = first.held and first.rises and _EPOCH[0] < first.low < first.high < _EPOCH[1]
+        dates = [units_of_date(each) for each in (first.low, first.high)]
+        whole = first.held and first.rises and all("s" in units for units in dates)
         named = first.name or second.name
         if whole and not named and 0 <= second.low < 1e8 < second.high < 1e9:
             return first, second
@@ -173,7 +189,7 @@ def _time_lines(time: Sequence[SeenColumn], *, from_format: bool) -> Iterator[st
         rates = {unit: 1 / (step * s) for unit, s in SECONDS.items() if step > 0}
         likely = {unit: f"{rate:.4g} Hz" for unit, rate in rates.items() if 15 < rate < 1e5}
         by_name = stated_unit("time", time[0].name)
-        dates = [unit for unit in likely if _EPOCH[0] < time[0].low * SECONDS[unit] < _EPOCH[1]]
+        dates = [each for each in units_of_date(time[0].low).items() if each[0] in likely]
         yield "time:"
         yield f"  column: {time[0].key}"
         if time[0].held:
@@ -182,9 +198,11 @@ def _time_lines(time: Sequence[SeenColumn], *, from_format: bool) -> Iterator[st
         elif by_name in likely:
             yield f"  unit: {by_name} # by its name: {likely[by_name]}"
         elif len(dates) == 1:
-            yield f"  unit: {dates[0]} # since 1970: {likely[dates[0]]}"
+            ((unit, year),) = dates
+            yield f"  unit: {unit} # since {year}: {likely[unit]}"
         else:
-            guesses = [f"{unit} if {rate}" for unit, rate in likely.items()]
+            # only dates count in 100 ns
+            guesses = [f"{unit} if {rate}" for unit, rate in likely.items() if unit != "100 ns"]
             yield f"  unit: {mark_unstated(', '.join(guesses or SECONDS))}"
 
 

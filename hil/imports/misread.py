@@ -21,7 +21,7 @@ from hil.model.frames import ROUNDED_OFF
 from hil.runs.recording import CHANCE
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator, Sequence
+    from collections.abc import Callable, Iterator, Sequence
 
     from hil.arrays import Array, Mask
     from hil.imports.evidence import Evidence, Excerpt
@@ -267,9 +267,18 @@ def small(
 
 
 def range_suspicions(
-    evidence: Evidence, robot: Robot, unknown_gains: Sequence[int]
+    evidence: Evidence,
+    robot: Robot,
+    unknown_gains: Sequence[int],
+    reached: Callable[[], tuple[Array, Array]] | None = None,
 ) -> Iterator[Suspicion]:
-    """Yield suspicions of positions beyond the range, and of speeds and torques beyond limits."""
+    """Yield suspicions of positions beyond the range, and of speeds and torques beyond limits.
+
+    Parameters
+    ----------
+    reached : callable, optional
+        Function that returns the least and greatest recorded positions, called for a message.
+    """
     for joint in range(robot.n_joints):
         unit, q = robot.position_unit(joint), evidence.q[:, joint]
         low, high = float(robot.q_min[joint]), float(robot.q_max[joint])
@@ -279,12 +288,14 @@ def range_suspicions(
             # turn by two ranges, degrees for radians exceed a range 57 times
             far = excess > 2.0 * (high - low)
             turns = far and _turns_over(evidence, robot, joint)
+            least, most = (each[joint] for each in reached()) if reached else (q.min(), q.max())
+            other = _other_unit(least, most, joint, robot) if far else _OTHERWISE
             yield Suspicion(
                 "range",
                 ("joints", joint, "position"),
-                f"reaches from {q.min():.4g} to {q.max():.4g} {unit}, but joint {joint + 1} of"
+                f"reaches from {least:.4g} to {most:.4g} {unit}, but joint {joint + 1} of"
                 f" {robot.name} has {low:.4g} to {high:.4g} {unit};"
-                f" {_TURNS if turns else _other_unit(q, joint, robot) if far else _OTHERWISE}",
+                f" {_TURNS if turns else other}",
                 certain=far and not turns,
             )
             continue
@@ -324,15 +335,13 @@ def _usual_zero(robot: Robot, joint: int) -> float:
     return CAUSES["joint offset"].usual * (pi / 180 if robot.revolute[joint] else 1e-3)
 
 
-def _other_unit(q: Array, joint: int, robot: Robot) -> str:
+def _other_unit(least: float, most: float, joint: int, robot: Robot) -> str:
     """Return the unit or side in which the positions are within the range, in words."""
     low, high = robot.q_min[joint], robot.q_max[joint]
     slack = _usual_zero(robot, joint)
     fitting = [
         unit
         for unit, factor in other_units(robot, joint).items()
-        if "rpm" not in unit
-        and low - slack <= q.min() / factor
-        and q.max() / factor <= high + slack
+        if "rpm" not in unit and low - slack <= least / factor and most / factor <= high + slack
     ]
     return f"they look like positions {' or '.join(fitting)}" if fitting else _OTHERWISE

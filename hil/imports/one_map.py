@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -12,7 +13,7 @@ from hil.imports.clipped import clipped_positions
 from hil.imports.evidence import Evidence, even_samples, excerpts_of
 from hil.imports.mixed_rows import source_suspicions
 from hil.imports.plausibility import suspicions
-from hil.imports.samples import columns_of, read_samples
+from hil.imports.samples import columns_of, positions_reached, read_samples
 from hil.imports.segments import (
     SHORTEST,
     block_counts,
@@ -134,7 +135,10 @@ def interpret(
     alone = the_map.content.kind
     evidence = Evidence.join(excerpts)
     moving = None if alone is None else alone - 1
-    found = suspicions(excerpts, evidence, robot, moving, the_map.unknown_gains, the_map.passive)
+    found = suspicions(
+        excerpts, evidence, robot, moving, the_map.unknown_gains, the_map.passive,
+        partial(positions_reached, samples, [stretch.rows for stretch in timing.stretches]),
+    )  # fmt: skip
     # the following checks of the rate use the remaining rows only
     if (held := timing.counts.held) > 1:
         repeat = f"values repeat over {held} rows each; without repeated rows, "

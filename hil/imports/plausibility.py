@@ -28,9 +28,9 @@ from hil.imports.two_clocks import clock_of_velocities
 from hil.model.frames import ROUNDED_OFF
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator, Sequence
+    from collections.abc import Callable, Iterator, Sequence
 
-    from hil.arrays import Mask
+    from hil.arrays import Array, Mask
     from hil.imports.evidence import Evidence, Excerpt
     from hil.model.robot import Robot
 
@@ -42,6 +42,7 @@ def suspicions(
     alone: int | None = None,
     unknown_gains: Sequence[int] = (),
     passive: Sequence[int] = (),
+    reached: Callable[[], tuple[Array, Array]] | None = None,
 ) -> list[Suspicion]:
     """Return all suspicions, certain ones first.
 
@@ -58,11 +59,12 @@ def suspicions(
         the torques of joints, are then not checked.
     passive : sequence of int
         Joints, from 0, without motor.
+    reached : callable, optional
+        Function that returns the least and greatest recorded positions; those of the excerpts by
+        default.
     """
-    found = [
-        *_still(evidence, robot, alone, passive),
-        *range_suspicions(evidence, robot, unknown_gains),
-    ]
+    ranges = range_suspicions(evidence, robot, unknown_gains, reached)
+    found = [*_still(evidence, robot, alone, passive), *ranges]
     if not any(suspicion.certain for suspicion in found):
         found += misread_torques(excerpts, evidence, robot)
         most = np.abs(evidence.tau).max(axis=0)
@@ -85,8 +87,8 @@ def suspicions(
         found += held
         found += () if clock or held else _coarse(evidence, robot)
     if not any(suspicion.certain for suspicion in found):
-        ways, ranges = np.ptp(evidence.q, axis=0), robot.q_max - robot.q_min
-        found += small(evidence, robot, "position", ways, ranges) if alone is None else ()
+        ways, widths = np.ptp(evidence.q, axis=0), robot.q_max - robot.q_min
+        found += small(evidence, robot, "position", ways, widths) if alone is None else ()
         # stated rotor inertias contradict torques of another unit or side
         shown = evidence.moves & ~coarse(evidence) & (np.ptp(evidence.tau, axis=0) > 0)
         found += () if unknown_gains or low else mechanical_suspicions(excerpts, robot, shown)

@@ -13,8 +13,8 @@ import numpy as np
 
 from checked_files.yaml_file import FileError
 from hil.imports.readers import open_table
-from hil.imports.signs import could_lack_signs, signed
-from hil.imports.tables import NoColumn, column_of
+from hil.imports.signs import coding_of, could_lack_signs, register_turn, turn_of, unwrap
+from hil.imports.tables import SECONDS, NoColumn, column_of, units_of_date
 from hil.imports.to_si import EPOCH, Conversion
 
 if TYPE_CHECKING:
@@ -31,6 +31,10 @@ if TYPE_CHECKING:
 
 IN_CACHE = 1 << 12
 """Rows converted at a time: 0.7 MB for twenty columns, which fit a second-level cache."""
+
+
+WHOLE = 1e-3
+"""Error of a whole number of 40 bits after conversion to SI and back, at most."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -106,7 +110,7 @@ def read_samples(
     times, complete, begins, n, wraps = [], [], [], 0, 0
     numbers: list[Integers] = []
     notes: dict[str, None] = {}
-    unsigned = np.ones(robot.n_joints, dtype=bool)
+    unsigned = np.ones(conversion.n_recorded, dtype=bool)
     with scratch.open("wb") as file:
         for number, name in enumerate(the_map.content.files):
             begins.append(n)
@@ -114,8 +118,8 @@ def read_samples(
             path = the_map.resolve(name, ("files", number))
             for block in _file_blocks(the_map, number, name, notes):
                 numbers.append(np.isfinite(block).sum(axis=0))
-                torques = conversion.torques(block)
-                unsigned[unsigned] = [could_lack_signs(x) for x in torques[:, unsigned].T]
+                recorded = conversion.recorded(block)
+                unsigned[unsigned] = [could_lack_signs(x) for x in recorded[:, unsigned].T]
                 for part in np.split(block, range(IN_CACHE, len(block), IN_CACHE)):
                     time, values = conversion.convert(part, n - begins[-1])
                     file.write(values.data)
@@ -131,24 +135,85 @@ def read_samples(
                 raise FileError(f"{path}: has no rows; name a file with rows")
     time = np.concatenate(times)
     values = np.memmap(scratch, np.float64, "r+", shape=(n, 3 * robot.n_joints))
-    notes |= dict.fromkeys(_restore_signs(values, conversion.efforts, unsigned))
+    decoded = [*_restore_signs(values, conversion, unsigned), *_restore_turns(values, conversion)]
+    if decoded:
+        notes |= dict.fromkeys(decoded)
+        wraps = sum(
+            int(np.count_nonzero(np.abs(np.diff(part[:, joint])) > np.pi))
+            for part in np.split(values, begins[1:])
+            for joint in range(robot.n_joints)
+        )
     from_date = bool(np.nanmax(np.abs(conversion.origin + time), initial=0.0) > EPOCH)
     if from_date:
+        _refuse_other_date(the_map, conversion.origin)
         time -= np.nanmin(time)
     present = tuple(np.sum(numbers, axis=0).tolist())
     whole = np.concatenate(complete)
     return Samples(time, values, whole, tuple(begins), from_date, wraps, present, tuple(notes))
 
 
-def _restore_signs(values: Array, efforts: Array, unsigned: Mask) -> Iterator[str]:
-    """Restore the signs of torques recorded without sign; yield statements of the changes."""
-    torques = values[:, (n := len(unsigned)) : 2 * n]
-    for joint in np.flatnonzero(unsigned).tolist():
-        recorded = torques @ np.linalg.inv(efforts)[:, joint]
-        if (found := signed(recorded.round())) is not None:
-            with_signs, words = found
-            torques += np.outer(with_signs - recorded, efforts[joint])
-            yield f"torques of joint {joint + 1} are read as {words}: smooth only in this reading"
+def positions_reached(samples: Samples, parts: Sequence[Integers]) -> tuple[Array, Array]:
+    """Return the least and greatest positions of some rows, shape (n_joints,) each."""
+    q = [samples.read(rows)[:, : samples.n_joints] for rows in parts]
+    return np.min([x.min(axis=0) for x in q], axis=0), np.max([x.max(axis=0) for x in q], axis=0)
+
+
+def _refuse_other_date(the_map: MapFile, origin: float) -> None:
+    """Refuse stamps that are dates of this century in another unit than stated alone."""
+    stated = the_map.content.time
+    if stated is None or stated.plus is not None or abs(origin) <= EPOCH:
+        return
+    units = units_of_date(origin / SECONDS[stated.unit])
+    if units and stated.unit not in units:
+        unit, year = next(iter(units.items()))
+        raise the_map.wrong(
+            ("time", "unit"),
+            f"{stated.unit} makes the first stamp {origin:.6g} s, no date of this century; in "
+            f"{unit} it is one, counted from {year}: write unit: {unit}",
+        )
+
+
+def _restore_signs(values: Array, conversion: Conversion, unsigned: Mask) -> Iterator[str]:
+    """Restore the signs of values recorded without sign; yield statements of the changes."""
+    for kind, columns in conversion.kinds.items():
+        lacking = np.flatnonzero(unsigned[columns.recorded]).tolist()
+        recorded = {place: columns.restore(values, place) for place in lacking}
+        found = {
+            place: coding_of(x.round(), jumps=kind != "positions") for place, x in recorded.items()
+        }
+        codings = {coding for coding in found.values() if coding is not None}
+        for place, x in recorded.items():
+            coding, why = found[place], "smooth only in this reading"
+            if coding is None and len(codings) == 1:
+                (other,) = codings
+                # an encoder of one turn may count its whole turn, without negative values
+                one = np.isclose(2 * other.half, conversion.turns[place]).any()
+                shared = kind != "positions" or not one
+                coding = other if shared and other.is_shared(x.round()) else None
+                why = "as of other joints"
+            if coding is not None:
+                columns.add(values, place, coding.decode(x.round()) - x)
+                joint = columns.converted[place] % len(conversion.turns) + 1
+                yield f"{kind} of joint {joint} are read as {coding}: {why}"
+
+
+def _restore_turns(values: Array, conversion: Conversion) -> Iterator[str]:
+    """Unwrap positions of encoders of one turn; yield statements of the changes."""
+    positions = conversion.kinds["positions"]
+    for joint, own in enumerate(conversion.turns.tolist()):
+        recorded = positions.restore(values, joint)
+        rounded = recorded.round()
+        rounding = np.abs(np.nan_to_num(recorded - rounded)).max(initial=0.0)
+        counts = rounded if rounding < WHOLE else recorded
+        turn = turn_of(counts, [*own, register_turn(counts) or own[0]])
+        # `Samples.read` removes whole turns of joints
+        if turn is None or np.isclose(np.abs(turn * positions.matrix[joint]).max(), 2 * np.pi):
+            continue
+        positions.add(values, joint, unwrap(counts, turn) - recorded)
+        yield (
+            f"positions of joint {joint + 1} are unwrapped by {turn:.6g} of their unit, one turn of"
+            " the encoder: the motion goes on only in this reading"
+        )
 
 
 def _file_blocks(

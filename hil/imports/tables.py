@@ -28,13 +28,23 @@ ROWS = 1 << 16
 """Approximate number of rows of a block."""
 _SHOWN, _LISTED = 12, 4
 """Maximum numbers of column names, and of left-out parts of a file, in a message."""
-TimeUnit = Literal["s", "ms", "us", "ns", "min"]
+TimeUnit = Literal["s", "ms", "us", "100 ns", "ns", "min"]
 PositionUnit = Literal["rad", "deg", "turns", "rev", "m", "mm", "counts"]
 VelocityUnit = Literal["rad/s", "deg/s", "turns/s", "rev/s", "rpm", "m/s", "mm/s", "counts/s"]
 TorqueUnit = Literal["N m", "N", "A", "V", "per mille"]
 
-SECONDS: dict[TimeUnit, float] = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9, "min": 60.0}
+SECONDS: dict[TimeUnit, float] = {
+    "s": 1.0, "ms": 1e-3, "us": 1e-6, "100 ns": 1e-7, "ns": 1e-9, "min": 60.0,
+}  # fmt: skip
 """Seconds per unit of time [s]."""
+_FROM_1970 = {1970: 0.0}
+_ORIGINS: dict[TimeUnit, dict[int, float]] = {
+    **dict.fromkeys(("s", "ms", "us", "ns"), _FROM_1970),
+    "100 ns": {1601: 11_644_473_600.0, 1: 62_135_596_800.0},
+}
+"""Years from which dates are counted, with the seconds up to 1970: Unix, Windows, .NET."""
+_DATES = (9.4e8, 4.1e9)
+"""Seconds since 1970 in 2000 and 2099."""
 STAMP_UNITS: tuple[TimeUnit, TimeUnit] = ("s", "ns")
 """Units of the two stamp columns of a format."""
 LENGTHS: dict[str, float] = {
@@ -87,6 +97,16 @@ SPELLINGS: dict[str, dict[str, str]] = {
 """Units of maps by their spellings in names of columns, in small letters without blanks."""
 NEEDS_GAIN = ("A", "V", "per mille")
 """Units of torque that need a gain."""
+
+
+def units_of_date(stamp: float) -> dict[TimeUnit, int]:
+    """Return the units in which a stamp is a date of this century, with the year of its origin."""
+    return {
+        unit: year
+        for unit, origins in _ORIGINS.items()
+        for year, before in origins.items()
+        if _DATES[0] < stamp * SECONDS[unit] - before < _DATES[1]
+    }
 
 
 class NoColumn(Exception):

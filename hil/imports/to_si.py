@@ -9,23 +9,60 @@ nanoseconds. So the first row is subtracted from the columns before adding, and 
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from checked_files.yaml_file import FileError
-from hil.imports.tables import JOINT_TYPES, SECONDS, STAMP_UNITS, position_factor
+from hil.imports.tables import JOINT_TYPES, ROWS, SECONDS, STAMP_UNITS, position_factor
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from hil.arrays import Array, Mask
+    from hil.arrays import Array, Integers, Mask
     from hil.imports.map_file import MapFile, Position, Torque, Velocity
     from hil.imports.tables import TimeUnit
     from hil.model.robot import Robot
 
 EPOCH = 1e8
 """Minimum stamp that counts from a date, not from the start of the recording [s]."""
+
+
+@dataclass(frozen=True, eq=False)
+class ColumnsOfKind:
+    """Columns of positions, torques or velocities, converted and recorded.
+
+    Attributes
+    ----------
+    converted : array (n,) of int
+        Columns of the converted values.
+    recorded : slice
+        Columns of the recorded values.
+    matrix : array (n, n)
+        Matrix that converts recorded values, from the right.
+    offset : array (n,)
+        Offset added after the conversion.
+    """
+
+    converted: Integers
+    recorded: slice
+    matrix: Array
+    offset: Array
+
+    def restore(self, values: Array, place: int) -> Array:
+        """Return a column as recorded, from converted values; block by block to save memory."""
+        back = np.linalg.inv(self.matrix)[:, place]
+        used = np.flatnonzero(back)  # values missing elsewhere do not matter
+        columns, offset = self.converted[used], self.offset[used]
+        parts = (values[begin : begin + ROWS] for begin in range(0, len(values), ROWS))
+        return np.concatenate([(part[:, columns] - offset) @ back[used] for part in parts])
+
+    def add(self, values: Array, place: int, change: Array) -> None:
+        """Change converted values by a change of a recorded column."""
+        for column, factor in zip(self.converted, self.matrix[place], strict=True):
+            if factor:
+                values[:, column] += factor * change
 
 
 class Conversion:
@@ -38,8 +75,9 @@ class Conversion:
 
     Attributes
     ----------
-    efforts : array (n_joints, n_joints)
-        Matrix that converts recorded torques to joint torques, from the right.
+    turns : array (n_joints, 2)
+        One turn of the recorded side, and of the motor, in the unit of the recorded position; NaN
+        for an unknown gear ratio.
 
     Raises
     ------
@@ -73,8 +111,12 @@ class Conversion:
                 speeds = speeds @ inverse[np.ix_(self._moving, self._moving)].T
             if content.torque_side == "motor":
                 efforts = efforts @ matrix
-        self._matrices, self.efforts = (to_joints, speeds), efforts
+        self._positions, self._speeds, self._efforts = to_joints, speeds, efforts
         self._offset = np.array([position.offset for position in positions])
+        gears = np.ones((self._n, 2))
+        if content.position_side == "joint":
+            gears[:, 1] = np.abs(np.diag(robot.motor_matrix))
+        self.turns = 2 * np.pi / np.abs(q)[:, np.newaxis] / gears
 
     def convert(self, block: Array, row: int) -> tuple[Array, Array]:
         """Return times since `origin` [s] (n,), and positions, torques, velocities (n, 3 n_joints).
@@ -87,25 +129,43 @@ class Conversion:
             Number of the first row within its file, from 0.
         """
         n = self._n
-        time, rest = self._times.convert(block[:, : self._times.n], row), block[:, self._times.n :]
+        time, rest = self._times.convert(block[:, : self._times.n], row), self.recorded(block)
         if np.isinf(rest).any():
             rest = np.where(np.isinf(rest), np.nan, rest)
-        to_joints, speeds = self._matrices
         values = np.empty((len(block), 3 * n))
         values[:, 2 * n :][:, ~self._moving] = np.nan
-        values[:, :n] = rest[:, :n] @ to_joints + self._offset
-        values[:, n : 2 * n] = self.torques(block) @ self.efforts
-        values[:, 2 * n :][:, self._moving] = rest[:, n + np.count_nonzero(self._driven) :] @ speeds
+        values[:, :n] = rest[:, :n] @ self._positions + self._offset
+        values[:, n : 2 * n] = rest[:, n : 2 * n] @ self._efforts
+        values[:, 2 * n :][:, self._moving] = rest[:, 2 * n :] @ self._speeds
         return time, values
 
-    def torques(self, block: Array) -> Array:
-        """Return the recorded torques of a block, shape (n, n_joints); 0 without motor."""
-        recorded = block[:, self._times.n + self._n :][:, : np.count_nonzero(self._driven)]
+    @property
+    def n_recorded(self) -> int:
+        """Number of recorded positions, torques and velocities."""
+        return 2 * self._n + int(self._moving.sum())
+
+    def recorded(self, block: Array) -> Array:
+        """Return the recorded positions, torques and velocities of a block; 0 without motor."""
+        rest, n = block[:, self._times.n :], self._n
         if self._driven.all():
-            return recorded
-        found = np.zeros((len(block), self._n))
-        found[:, self._driven] = recorded
+            return rest
+        found, driven = np.zeros((len(block), self.n_recorded)), np.flatnonzero(self._driven)
+        found[:, :n], found[:, n + driven] = rest[:, :n], rest[:, n : n + len(driven)]
+        found[:, 2 * n :] = rest[:, n + len(driven) :]
         return found
+
+    @property
+    def kinds(self) -> dict[str, ColumnsOfKind]:
+        """Columns of positions, torques and recorded velocities."""
+        n, joints, moving = self._n, np.arange(self._n), np.flatnonzero(self._moving)
+        none = np.zeros(n)
+        return {
+            "positions": ColumnsOfKind(joints, slice(n), self._positions, self._offset),
+            "torques": ColumnsOfKind(n + joints, slice(n, 2 * n), self._efforts, none),
+            "velocities": ColumnsOfKind(
+                2 * n + moving, slice(2 * n, None), self._speeds, none[moving]
+            ),
+        }
 
     @property
     def origin(self) -> float:

@@ -6,6 +6,8 @@ from contextlib import suppress
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
+import numpy as np
+
 from hil.errors import NotEnoughData, NotIdentifiable
 from hil.estimation.excluded.evidence import measured
 from hil.estimation.excluded.finding import LEAVES, excluded
@@ -119,8 +121,8 @@ def changed(
     except NotIdentifiable:
         return None
     evidence = measured(robot, solver, [*earlier, *later], rates=True)
-    first = min(float(s.time[0]) for _, s in earlier)
-    shown = evidence.time + first >= begin
+    after_change = {s for _, s in later}
+    shown = np.array([s in after_change for s in evidence.signals])[evidence.source]
     if shown.all() or not shown.any():
         return None
     found = excluded(robot, p, replace(evidence, later=shown), known=known, both=both)

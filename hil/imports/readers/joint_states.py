@@ -116,18 +116,23 @@ def _some(messages: Iterator[tuple[int, bytes]]) -> Iterator[tuple[int, bytes]]:
 
 def _topic_of(path: Path, bag: Bag, stated: str | None) -> str:
     with bag.opened() as opened:
-        topics = sorted(topic for topic, kind in opened.topics.items() if kind == TYPE)
+        kinds = opened.topics  # a closed bag has none
+        topics = sorted(topic for topic, kind in kinds.items() if kind == TYPE)
         if stated is None and len(topics) > 1:
             topics = [t for t in topics if _has_efforts(opened, t)] or topics
     if not topics:
-        others = ", ".join(sorted(opened.topics))
+        others = ", ".join(f"{topic} ({kind})" for topic, kind in sorted(kinds.items()))
         has = f"its topics are {others}" if others else "it has no topics"
         if bag.lacks_end:
             has = f"it is truncated (recorder killed?), and before the cut {has}"
-        raise FileError(f"{path}: has no topic of {TYPE}; {has}")
+        raise FileError(
+            f"{path}: has no topic of {TYPE}; {has}; record a topic of {TYPE}, or save positions"
+            " and torques as columns of a CSV or Parquet file"
+        )
     if stated is None and len(topics) > 1:
         raise FileError(
-            f"{path}: has joint states on {' and '.join(topics)}; name one in format: topic"
+            f"{path}: has joint states on {' and '.join(topics)}; name one in format: topic, or"
+            f" with --draft by --format topic={topics[0]}"
         )
     if stated is not None and stated not in topics:
         raise FileError(f"{path}: has no joint states on {stated}, but on {', '.join(topics)}")

@@ -248,7 +248,8 @@ def open_text(path: Path, stated: Format) -> Table:
         layout = layout_of_lists(head, stated) if LIST.search(head) else layout_of(text, stated)
     except NoNumbers as error:
         raise FileError(
-            f"{path}: {error}; state header, delimiter, decimal, comment or skip in format"
+            f"{path}: {error}; state header, delimiter, decimal, comment or skip in format, or"
+            " with --draft by --format KEY=VALUE"
         ) from error
     table = TextTable(path, layout)
     return Channels(table, layout.clocks) if layout.clocks else table

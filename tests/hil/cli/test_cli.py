@@ -11,7 +11,7 @@ from command_line import Hil
 from drivers import opening
 from drivers.drive_bus import DriveFault, NodeSilent, Sample, SampleFlag
 from hil import cli
-from hil.cli.arguments import bus_options
+from hil.cli.arguments import parse_pairs
 from hil.model.robot import ROBOTS
 from hil.planning.design.by_counts import COUNTS
 from hil.planning.design.trajectories import HARMONICS, PERIOD
@@ -374,7 +374,7 @@ def test_a_bus_option_without_a_value_is_wrong_usage(
 
 
 def test_bus_options_become_numbers_and_switches() -> None:
-    options = bus_options(["bitrate=500000", "timeout=0.5", "fd=false", "name=can0"])
+    options = parse_pairs(["bitrate=500000", "timeout=0.5", "fd=false", "name=can0"])
     assert options == {"bitrate": 500_000, "timeout": 0.5, "fd": False, "name": "can0"}
 
 

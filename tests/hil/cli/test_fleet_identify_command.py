@@ -32,7 +32,9 @@ def plants(tmp_path: Path) -> Path:
     return tmp_path / "plants"
 
 
-def execute_in_turn(function: Callable[[Any], Any], jobs: Iterable[Any]) -> Iterator[tuple[Any, Any]]:
+def execute_in_turn(
+    function: Callable[[Any], Any], jobs: Iterable[Any]
+) -> Iterator[tuple[Any, Any]]:
     """Execute the jobs in this process."""
     for job in jobs:
         yield job, function(job)

@@ -51,6 +51,33 @@ def test_a_draft_names_the_recording_as_seen_from_the_map(hil: Hil, folder: Path
     assert 'files: ["../data.csv"]' in (folder / "maps" / "first.yaml").read_text()
 
 
+def test_a_draft_states_the_format_that_it_was_read_by(hil: Hil, folder: Path) -> None:
+    """A layout that cannot be recognised is given to the draft, and a map needs it too."""
+    text = (folder / "data.csv").read_text().replace(",", "|")
+    (folder / "data.csv").write_text("1|2 settings\n3|4\n" + text)
+    options = ("--format", "delimiter=|", "--format", "skip=2", "--format", "header=true")
+    status, _, _ = hil("import", "--draft", "data.csv", *options, "-o", "first.yaml")
+    assert status == 0
+    drafted = (folder / "first.yaml").read_text()
+    assert 'format:\n  header: true\n  delimiter: "|"\n  skip: 2\n' in drafted
+    assert drafted.count("position:") == 2
+
+
+@pytest.mark.parametrize(
+    ("arguments", "reason"),
+    [(("--draft", "data.csv", "--format", "skip=-1"), "must be greater than or equal to 0"),
+     (("--draft", "data.csv", "--format", "topics=/a"), "topics: unknown key"),
+     (("--draft", "data.csv", "--format", "topic"), "must read key=value"),
+     (("map.yaml", "--format", "skip=1"), "maps name their robot and format")],
+)  # fmt: skip
+def test_a_format_that_nothing_can_be_read_by_is_refused(
+    hil: Hil, folder: Path, arguments: tuple[str, ...], reason: str
+) -> None:
+    status, _, errors = hil("import", *arguments, "-o", "first.yaml")
+    assert status == 2
+    assert reason in " ".join(errors.split())
+
+
 def test_a_map_reads_files_outside_of_its_folder_where_they_are_allowed_alone(
     hil: Hil, folder: Path
 ) -> None:

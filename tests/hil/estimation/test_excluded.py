@@ -439,3 +439,16 @@ def test_an_axis_that_rests_in_the_later_run_is_no_obstacle(
 
     proof = changed_between(robot, good, changed(good, resting))
     assert proof is not None
+
+
+def test_rows_belong_to_the_run_that_they_were_recorded_in(
+    robot: Robot, good: FreeRecorded
+) -> None:
+    def late(q: Array, tau: Array, time: Array) -> None:
+        rests = time < time[0] + 5.0
+        q[rests], tau[rests] = q[rests][-1], tau[rests][-1]
+
+    together = [
+        (motion, replace(each, time=each.time - each.time[0])) for motion, each in [*good, *good]
+    ]
+    assert changed_between(robot, changed(good, late), together).found == ()

@@ -252,3 +252,52 @@ def test_a_listing_that_is_wrong_is_refused(
     (path / "metadata.yaml").write_text(listing.replace(before, after))
     with pytest.raises(FileError, match=match):
         positions(path)
+
+
+OTHER = "std_msgs/msg/Float64MultiArray"
+
+
+def _other(kinds: Any) -> Any:
+    layout = kinds["std_msgs/msg/MultiArrayLayout"](dim=[], data_offset=0)
+    return kinds[OTHER](layout=layout, data=np.zeros(2))
+
+
+def _vendor_ros1(folder: Path) -> Path:
+    path = folder / "a.bag"
+    with Writer1(path) as writer:
+        for name in ("/currents", "/angles"):
+            topic = writer.add_connection(name, OTHER, typestore=ROS1)
+            writer.write(topic, 0, ROS1.serialize_ros1(_other(ROS1.types), OTHER))
+    return path
+
+
+def _vendor_ros2(folder: Path, plugin: str) -> Path:
+    path = folder / "bag"
+    with rosbag2.Writer(path, version=9, storage_plugin=rosbag2.StoragePlugin[plugin]) as writer:
+        for name in ("/currents", "/angles"):
+            topic = writer.add_connection(name, OTHER, typestore=ROS2)
+            writer.write(topic, 0, ROS2.serialize_cdr(_other(ROS2.types), OTHER))
+    return path
+
+
+def _vendor_cut(folder: Path) -> Path:
+    (path,) = _vendor_ros2(folder, "MCAP").glob("*.mcap")
+    path.write_bytes(path.read_bytes()[:-30])
+    return path
+
+
+@pytest.mark.parametrize(
+    "write",
+    [_vendor_ros1, _vendor_cut, lambda folder: _vendor_ros2(folder, "SQLITE3"),
+     lambda folder: _vendor_ros2(folder, "MCAP")],
+    ids=["rosbag", "MCAP without its end", "rosbag2 of SQLite", "rosbag2 of MCAP"],
+)  # fmt: skip
+def test_topics_of_other_messages_are_listed_with_types_and_remedy(
+    tmp_path: Path, write: Callable[[Path], Path]
+) -> None:
+    path = write(tmp_path)
+    listed = f"its topics are /angles ({OTHER}), /currents ({OTHER}); record a topic of {TYPE}"
+    with pytest.raises(FileError) as refused:
+        open_table(path, Format())
+    assert listed in str(refused.value).replace("before the cut ", "")
+    assert "save positions and torques as columns of a CSV or Parquet file" in str(refused.value)

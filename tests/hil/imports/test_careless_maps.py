@@ -174,6 +174,15 @@ def test_values_of_no_robot(tmp_path, huge):
     assert "map.yaml:8: joints.0.position: reaches from" in refusal(tmp_path, a_map())
 
 
+def test_the_range_of_a_position_is_that_of_the_whole_recording(tmp_path):
+    """Plausibility is judged by excerpts, of 10 s of each motion; its words are of all samples."""
+    columns = table(30.0, rate=100.0)
+    columns["q1"] = 100 + columns["q1"] + 1.5 * np.tanh(columns["t"] - 3)
+    write_csv(tmp_path / "data.csv", columns)
+    low, high = columns["q1"].min(), columns["q1"].max()
+    assert f"reaches from {low:.4g} to {high:.4g} rad, but" in refusal(tmp_path, a_map())
+
+
 def test_a_gain_of_no_drive(tmp_path):
     write_csv(tmp_path / "data.csv", COLUMNS)
     content = changed(0, "torque", gain=1e300)

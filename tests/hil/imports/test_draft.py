@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 import yaml
-from small_recording import ROBOT, table, write_csv, write_map
+from small_recording import ROBOT, a_map, table, write_csv, write_map
 
 from checked_files.yaml_file import FileError
 from hil.imports.draft import draft_map
@@ -33,11 +33,14 @@ def drafted(path):
          "joint1/effort", "joint2/effort"),
         ("stamp", "position.shoulder", "position.elbow", "velocity.shoulder", "velocity.elbow",
          "torque.shoulder", "torque.elbow"),
+        ("time", "qpos/1", "qpos/2", "qvel/1", "qvel/2", "qfrc_actuator/1", "qfrc_actuator/2"),
     ],
 )  # fmt: skip
 def test_columns_are_matched_to_joints_by_their_names(tmp_path, names):
     columns = dict(zip(names, table().values(), strict=True))
     columns["target_q_0"] = columns[names[1]]
+    for other in ("qfrc_bias", "qfrc_passive", "qfrc_applied", "ctrl"):  # of MuJoCo
+        columns |= {f"{other}/{joint}": columns[names[4 + joint]] for joint in (1, 2)}
     write_csv(tmp_path / "a.csv", columns)
     found = drafted(tmp_path / "a.csv")
     assert found["time"]["column"] == names[0]
@@ -262,3 +265,22 @@ def test_without_common_names_the_joints_of_a_robot_follow_the_file(tmp_path):
     first, second = found["joints"]
     assert (first["position"]["column"], first["torque"]["column"]) == ("q1", "m1")
     assert second["position"]["column"] == "? number or name of the column of its positions"
+
+
+FILETIME, NET = 134_405_096_191_230_000, 639_000_000_000_000_000
+
+
+@pytest.mark.parametrize(("begin", "year"), [(FILETIME, 1601), (NET, 1)])
+def test_dates_in_100_ns_are_drafted_read_and_not_taken_for_another_unit(tmp_path, begin, year):
+    columns = table(3.0)
+    ticks = [begin + round(1e7 * t) for t in columns["t"]]
+    rest = {name: columns[name] for name in ("q1", "q2", "m1", "m2")}
+    write_csv(tmp_path / "data.csv", {"t": ticks} | rest)
+    assert f"unit: 100 ns # since {year}: 200 Hz" in draft_map(tmp_path / "data.csv", "data.csv")
+    right = a_map(time={"column": "t", "unit": "100 ns"})
+    run = import_recordings([write_map(tmp_path, right)], tmp_path / "run")
+    np.testing.assert_allclose(np.diff(run["map-01"].recording.time), 0.005, atol=1e-5)
+    for unit in ("us", "ns"):
+        wrong = a_map(time={"column": "t", "unit": unit})
+        with pytest.raises(FileError, match=f"{unit} makes the first stamp .* write unit: 100 ns"):
+            import_recordings([write_map(tmp_path, wrong)], tmp_path / unit)

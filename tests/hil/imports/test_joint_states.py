@@ -5,6 +5,7 @@ import pytest
 from small_recording import a_map, table, write_map
 
 from checked_files.yaml_file import FileError
+from hil.imports.draft import draft_map
 from hil.imports.importing import import_recordings
 from hil.imports.map_file import Format
 from hil.imports.readers import open_table
@@ -93,10 +94,18 @@ def test_columns_go_by_the_names_of_joints(tmp_path):
 
 def test_one_of_several_topics_must_be_named(tmp_path):
     bag = make(tmp_path, "mcap")
-    with pytest.raises(FileError, match=r"on /joint_states and /other; name one in format: topic"):
+    with pytest.raises(FileError, match=r"on /joint_states and /other; name one in format: top"):
         open_table(bag, Format())
     with pytest.raises(FileError, match=r"no joint states on /joints, but on /joint_states"):
         open_table(bag, Format(topic="/joints"))
+
+
+def test_a_draft_is_of_the_topic_that_its_option_names(tmp_path):
+    bag = make(tmp_path, "mcap")
+    with pytest.raises(FileError, match=r"with --draft by --format topic=/joint_states"):
+        draft_map(bag, "bag.mcap")
+    text = draft_map(bag, "bag.mcap", layout=Format(topic="/joint_states"))
+    assert 'format:\n  topic: "/joint_states"\n' in text
 
 
 def write_mcap(path, compression, chunk_size, states=None):

@@ -5,7 +5,7 @@ import pytest
 from small_recording import a_map, table, write_csv, write_map
 
 from hil.imports.importing import import_recordings
-from hil.imports.signs import signed
+from hil.imports.signs import coding_of, turn_of
 
 
 def magnitude(x, half):
@@ -43,9 +43,9 @@ def test_noise_and_friction_about_zero_hide_no_code(words):
     right = np.round(400 * np.sin(3 * t) + friction + noise)
     coded = CODES[words](right, 1024)
     coded[7] = np.nan
-    values, said = signed(coded)
-    assert said.startswith(words)
-    np.testing.assert_array_equal(np.delete(values, 7), np.delete(right, 7))
+    coding = coding_of(coded)
+    assert coding.name == words
+    np.testing.assert_array_equal(np.delete(coding.decode(coded), 7), np.delete(right, 7))
 
 
 @pytest.mark.parametrize("right", [
@@ -57,4 +57,131 @@ def test_noise_and_friction_about_zero_hide_no_code(words):
     0.5 + np.round(900 + 800 * np.sin(np.arange(3000) / 40)),
 ])  # fmt: skip
 def test_other_numbers_stay_as_they_are(right):
-    assert signed(right) is None
+    assert coding_of(right) is None
+
+
+def wrapped(angle, turn, counts):
+    """Return the counts of an encoder of one turn."""
+    return np.round(angle / turn * counts) % counts
+
+
+def turns_of_motors(columns):
+    """Return angles of the motors of `small_recording.ROBOT`, faster than its joints."""
+    return [50 * columns["q1"], 20 * columns["q2"]]
+
+
+@pytest.mark.parametrize("side", ["motor", "joint"])
+@pytest.mark.parametrize("counts", [16384, 20000, 360])
+def test_an_encoder_of_one_turn_on_the_motor_is_unwrapped(tmp_path, side, counts):
+    columns = table(rate=1000.0)
+    motors = turns_of_motors(columns)
+    raw = [wrapped(angle, 2 * np.pi, counts) for angle in motors]
+    write_csv(tmp_path / "data.csv", columns | {"q1": raw[0], "q2": raw[1]})
+    content = a_map(position_side=side)
+    for joint, gear in zip(content["joints"], (50, 20), strict=True):
+        size = 2 * np.pi / counts / (1 if side == "motor" else gear)
+        joint["position"] |= {"unit": "counts", "per_unit": float(size)}
+    found = []
+    run = import_recordings([write_map(tmp_path, content)], tmp_path / "run", found.append)
+    q = run["map-01"].recording.q
+    for joint, (gear, name) in enumerate(zip((50, 20), ("q1", "q2"), strict=True)):
+        # the first turn is unknown
+        turns = (q[:, joint] - columns[name]) * gear / (2 * np.pi)
+        np.testing.assert_allclose(turns, round(turns[0]), atol=0.51 / counts)
+        said = f"positions of joint {joint + 1} are unwrapped by {counts} of their unit"
+        assert said in "\n".join(found[0].lines())
+    assert not found[0].doubts
+
+
+TIME = np.arange(3000) / 100
+
+
+@pytest.mark.parametrize("other", [
+    np.round(2000 * np.sin(TIME)),  # no jump
+    np.where(np.arange(3000) % 400 == 9, 0.0, 4095.0 + 0 * TIME),  # outliers
+    np.where(np.arange(3000) % 500 < 250, 0.0, 4095.0),  # steps between two positions at rest
+    np.concatenate([4095 * (1 - np.cos(np.pi * np.arange(300) / 300)) / 2] * 10),  # repeated motion
+    np.concatenate([3000 + 500 * np.sin(TIME[:700] * k) for k in range(1, 6)]),  # other recordings
+    np.where(TIME % 5 < 2.5, 40.0, 0.0) * TIME % 300,  # jumps by less than a turn of the encoder
+    np.full(3000, np.nan),
+    np.zeros(3000),
+])  # fmt: skip
+def test_positions_that_pass_no_end_of_a_turn_stay_as_they_are(other):
+    assert turn_of(other, [4096.0, 8192.0]) is None
+
+
+def test_flicker_and_outliers_hide_no_turn_of_an_encoder():
+    coded = wrapped(40 * np.sin(TIME), 2 * np.pi, 4096)
+    coded[300:320:2], coded[301:320:2], coded[1500] = 0.0, 4095.0, np.nan
+    assert turn_of(coded, [4096.0]) == 4096.0
+
+
+@pytest.mark.parametrize("words", CODES)
+@pytest.mark.parametrize("half", [1024, 32768])
+def test_a_torque_that_never_changes_sign_is_read_as_those_of_other_joints(tmp_path, words, half):
+    """Gravity holds an axis to one side: no jump shows that its torques are negative."""
+    columns = table()
+    right = [-np.round(columns["m1"] / 0.2) - 300, np.round(columns["m2"] / 0.2)]
+    assert right[0].max() < 0
+    coded = [CODES[words](x, half) for x in right]
+    content = a_map()
+    for joint in content["joints"]:
+        joint["torque"] |= {"unit": "A", "gain": 0.2}
+    content["joints"][0]["torque"]["sign"] = -1
+    found = []
+    write_csv(tmp_path / "data.csv", columns | {"m1": coded[0], "m2": coded[1]})
+    run = import_recordings([write_map(tmp_path, content)], tmp_path / "run", found.append)
+    signs = np.array([-0.2, 0.2])
+    np.testing.assert_allclose(run["map-01"].recording.tau, signs * np.stack(right, axis=1))
+    said = f"torques of joint 1 are read as {words}: values from {half} on are negative: as of"
+    assert said in "\n".join(found[0].lines())
+
+
+@pytest.mark.parametrize("words", CODES)
+@pytest.mark.parametrize("half", [32768, 2**31])
+def test_positions_and_velocities_without_signs_get_theirs(tmp_path, words, half):
+    columns, size = table(), 0.0015
+    names = [f"{key}{joint}" for joint in (1, 2) for key in "qv"]
+    right = {name: np.round(columns[name] / size) for name in names}
+    content = a_map(velocity=True)
+    for joint in content["joints"]:
+        joint["position"] |= {"unit": "counts", "per_unit": size, "offset": 0.1, "sign": -1}
+        joint["velocity"] |= {"unit": "counts/s", "per_unit": size, "sign": -1}
+    coded = {name: CODES[words](-x, half) for name, x in right.items()}
+    write_csv(tmp_path / "data.csv", columns | coded)
+    found = []
+    run = import_recordings([write_map(tmp_path, content)], tmp_path / "run", found.append)
+    q = run["map-01"].recording.q
+    np.testing.assert_allclose(q, 0.1 + size * np.stack([right["q1"], right["q2"]], axis=1))
+    for kind in ("positions", "velocities"):
+        for joint in (1, 2):
+            assert f"{kind} of joint {joint} are read as {words}" in "\n".join(found[0].lines())
+
+
+@pytest.mark.parametrize("counts", [1024, 4096])
+def test_an_encoder_of_one_turn_lacks_no_sign(counts):
+    assert coding_of(wrapped(40 * np.sin(TIME), 2 * np.pi, counts), jumps=False) is None
+
+
+@pytest.mark.parametrize("half", [2048, 32768])
+@pytest.mark.parametrize("n_turns", [1, 16])
+def test_the_position_of_another_joint_is_negative_in_a_register_of_several_turns_alone(
+    tmp_path, half, n_turns
+):
+    """Joint 1 passes the zero of its encoder, joint 2 stays at 0.7 of its greatest count."""
+    columns, size = table(), n_turns * 2 * np.pi / (2 * half)
+    first = complement(np.round(columns["q1"] / size), half)
+    middle = 0.7 * n_turns * 2 * np.pi
+    second = np.round((columns["q2"] / 2 + middle) / size)
+    content = a_map()
+    for joint in content["joints"]:
+        joint["position"] |= {"unit": "counts", "per_unit": size}
+    content["joints"][1]["position"]["offset"] = -middle
+    write_csv(tmp_path / "data.csv", columns | {"q1": first, "q2": second})
+    content["accept"] = ["range", "shape", "velocity"]
+    run = import_recordings([write_map(tmp_path, content)], tmp_path / "run")
+    q = run["map-01"].recording.q
+    np.testing.assert_allclose(q[:, 0], columns["q1"], atol=size)
+    # a register of several turns holds negative values
+    less = 0.0 if n_turns == 1 else n_turns * 2 * np.pi
+    np.testing.assert_allclose(q[:, 1], columns["q2"] / 2 - less, atol=size)
