@@ -77,7 +77,7 @@ def identify(
     workers: Workers = None,
     scheduler: Scheduler = None,
 ) -> None:
-    """Identify all runs in folders, in parallel; up-to-date models stay.
+    """Identify the runs in folders, in parallel; up-to-date models stay.
 
     The same command resumes an interrupted one.
     """

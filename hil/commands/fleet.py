@@ -155,7 +155,7 @@ class Identified(NamedTuple):
 def identify_runs(
     folders: Sequence[Path], execute: Execute[Any, Any], progress: Callable[[str], object]
 ) -> Identified:
-    """Identify all runs below some folders, each as by ``hil identify RUN``.
+    """Identify the runs below some folders, as by ``hil identify RUN``.
 
     A run whose model follows from its present recordings and the present program is not
     identified again, so an interrupted call is resumed by the same call.
@@ -225,7 +225,7 @@ def _models(folder: str) -> Iterator[ModelAddress]:
 
 
 def read_batch(models: list[ModelAddress]) -> list[tuple[str, list[tuple[Any, ...]]] | str]:
-    """Return the result of `read_rows` for each model, or the reason for leaving it out."""
+    """Return the rows of models, or the reasons for leaving models out."""
     found: list[tuple[str, list[tuple[Any, ...]]] | str] = []
     for each in models:
         try:

@@ -169,7 +169,7 @@ def _c_helper(name: str, helper: str) -> str:
 
 
 def c_function(name: str, upper: str, function: Function) -> str:
-    """Return a function of C with one argument for each array, the results last."""
+    """Return a function of C with an argument for every array, the results last."""
     sizes = {"mass_matrix": f"{upper}_JOINTS * {upper}_JOINTS"}
     sizes["regressor"] = str(len(function.results))
     size = sizes.get(function.name, f"{upper}_JOINTS")

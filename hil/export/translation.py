@@ -69,7 +69,7 @@ Call = Callable[["Translator", str, list[str]], "Iterable[str]"]
 
 
 class Translator:
-    """Translator of one function.
+    """Translator of a function.
 
     Parameters
     ----------
@@ -195,14 +195,14 @@ class Translator:
 
 
 def arguments(function: ast.FunctionDef) -> dict[str, str]:
-    """Return the arguments of a function with their types."""
+    """Return the arguments of a function with types."""
     return {
         each.arg: ast.unparse(each.annotation or ast.Name("Any")) for each in function.args.args
     }
 
 
 def variables(function: ast.FunctionDef) -> dict[str, str]:
-    """Return the variables of a function with their types, counters of loops included."""
+    """Return the variables of a function with types, counters of loops included."""
     found: dict[str, str] = {}
     for node in ast.walk(function):
         match node:

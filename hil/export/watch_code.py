@@ -1,4 +1,4 @@
-"""Watch of the axes as code for controllers: the alarms of `hil watch`, and its thresholds as JSON.
+"""Watch of the axes as code for controllers: the alarms of `hil watch`, and thresholds as JSON.
 
 The code of `hil.export.watch_steps` is written beside the model in its language, with constants
 from the model and from the thresholds learned by a watch. Called with the positions and torques of
@@ -154,7 +154,7 @@ def _brackets(indices: Iterable[str]) -> str:
 
 
 def _c_array(name: str, array: str, constant: Constant) -> str:
-    """Return a constant array of C with its unit and meaning."""
+    """Return a constant array of C with unit and meaning."""
     values = np.array(constant.value)
     kind = "int" if values.dtype.kind == "i" else f"{name}_real"
     head = f"static const {kind} {name}_watch_{array}{_brackets(map(str, values.shape))} ="
@@ -221,7 +221,7 @@ class Watch:
         start_watch(Constants, self, learned)
 
     def sample(self, elapsed, q, tau):
-        """Process a sample, `elapsed` [s] after the last one."""
+        """Process a sample, `elapsed` [s] after the previous sample."""
         watch_sample(Constants, self, elapsed, list(map(float, q)), list(map(float, tau)))
 '''
 
@@ -249,7 +249,7 @@ def _st(parts: _Parts, found: Watched) -> dict[str, str]:
     )  # fmt: skip
 
     def call(translator: Translator, to: str, given: list[str]) -> Iterator[str]:
-        """Yield the body of a function, its numbers assigned to variables before."""
+        """Yield the body of a function, with numbers assigned to variables before."""
         function = steps()[to]
         named = arguments(function)
         own = {k: kind for k, kind in named.items() if kind != "Any"} | variables(function)
@@ -324,7 +324,7 @@ def _st_array(parts: _Parts, field: Field, kind: str) -> str:
 
 
 def _st_constant(constant: Constant) -> str:
-    """Return type and value of a constant array; rows one after the other."""
+    """Return type and value of a constant array, row by row."""
     values = np.array(constant.value)
     whole = values.dtype.kind == "i"
     texts = [str(x) if whole else _initial(x) for x in values.ravel().tolist()]
@@ -349,7 +349,7 @@ FORMULAS = {
 
 
 def _json(parts: _Parts, found: Watched) -> dict[str, str]:
-    """Return the thresholds with their names and units, and all constants of the code."""
+    """Return the thresholds with names and units, and the constants of the code."""
     robot, seconds = parts.model.robot, np.array(parts.arrays["windows"].value) * found.period
     content = {
         "origin": list(parts.head[: -len(GIVEN)]),

@@ -1,4 +1,4 @@
-"""Watch of the axes for controllers, one sample at a time, in a subset of Python.
+"""Watch of the axes for controllers, sample by sample, in a subset of Python.
 
 The functions repeat `hil.watching` with numbers in place of arrays, and `hil.export.translation`
 writes them in other languages. Exported Python modules contain this text unchanged, from
@@ -13,7 +13,7 @@ from typing import Any
 
 
 def start_watch(c: Any, s: Any, learned: bool) -> None:
-    """Begin a watch with learned thresholds, or learn anew; all other values must be 0."""
+    """Begin a watch with learned thresholds, or learn anew, from a state of zeros."""
     if learned:
         s.moved = c.needed
     for j in range(c.joints):
@@ -35,7 +35,7 @@ def start_watch(c: Any, s: Any, learned: bool) -> None:
 
 
 def watch_sample(c: Any, s: Any, elapsed: float, q: Any, tau: Any) -> None:
-    """Process one sample of all axes, `elapsed` [s] after the previous one."""
+    """Process a sample of the axes, `elapsed` [s] after the previous sample."""
     if elapsed > c.gap * c.period:
         s.held = 0
         s.since = 0
@@ -87,7 +87,7 @@ def judge_sample(c: Any, s: Any, q: Any) -> None:
 
 
 def judge_axis(c: Any, s: Any, j: int) -> None:
-    """Compare the torque of an axis with the model, over all windows."""
+    """Compare the torque of an axis with the model, over the windows."""
     speed: float = abs(s.velocity[j])
     heavy: float = abs(s.rigid[j])
     place: float = min(speed * c.per_node[j], c.last_place)
@@ -250,7 +250,7 @@ def learn_axis(c: Any, s: Any, j: int) -> None:
 
 
 def choose_distance(c: Any, s: Any, j: int) -> None:
-    """Choose the best fitting presliding distance of an axis, with its damping."""
+    """Choose the best fitting presliding distance and damping of an axis."""
     if s.seen[j] >= c.enough_seen:
         least: float = 0.0
         best: int = 0

@@ -83,7 +83,7 @@ def _parts(samples: Samples, stretches: Sequence[Stretch]) -> Iterator[Array]:
 
 
 class _Corners:
-    """Plateaus of a column at its bounds, and the greatest corner elsewhere.
+    """Plateaus of a column at the bounds, and the greatest corner elsewhere.
 
     Attributes
     ----------

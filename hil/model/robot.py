@@ -342,7 +342,7 @@ def parse_robot(text: str, source: str) -> Robot:
 
 @lru_cache(maxsize=8)
 def _parsed(text: str) -> RobotFile:
-    """Parse a robot file once for all models that hold it, as those of a fleet do."""
+    """Parse a robot file, with a cache for the models of a fleet."""
     return parse_yaml(text, RobotFile, "")
 
 

@@ -172,7 +172,7 @@ def hardly_watched(found: Watched, mostly: float = 0.5) -> tuple[str, ...]:
 
 
 def load_thresholds(path: Path, model: IdentifiedRobot, period: float | None = None) -> Watched:
-    """Return an earlier watch with the same model, from its folder or file, for its thresholds.
+    """Read an earlier watch of the same model, for thresholds, from a folder or file.
 
     Parameters
     ----------

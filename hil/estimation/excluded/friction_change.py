@@ -160,7 +160,7 @@ def _levels(p: Array, evidence: Evidence, axis: int) -> _Levels | None:
 
 
 def _shared_speeds(speed: Array, early: Indices, late: Indices) -> Array:
-    """Return the weight of each row, so that both recordings have the same speeds."""
+    """Return weights of rows that give both recordings the same speeds."""
     weights = np.zeros(len(speed))
     if not (len(early) and len(late)):
         return weights
