@@ -38,7 +38,7 @@ from figures import Figure, keep
 from pyarrow import parquet
 
 import hil
-from hil.commands.fleet import FIELDS, ask, model_rows, read_fleets, write_part
+from hil.commands.fleet import ask, model_rows, read_fleets, table_of, write_part
 from hil.friction.law import TermValue
 from hil.results.deviations import FIRST, Fleet, deviations
 
@@ -211,8 +211,7 @@ def judge_machines(model: hil.Model, folder: Path, machines: list[int], seed: in
             drawn = Machine(model, [seed, number, k], axis)
             rows = rows_of(machine, drawn)
             begun = time.perf_counter()
-            columns = dict(zip(FIELDS, zip(*rows, strict=True), strict=True))
-            write_part(index, digest, machine, columns)
+            write_part(index, digest, machine, [table_of(rows)])
             writing, n_rows = writing + time.perf_counter() - begun, n_rows + len(rows)
         begun = time.perf_counter()
         ask(fleets := read_fleets(index), RATE)

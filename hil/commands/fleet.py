@@ -114,33 +114,29 @@ def index(
     FileError
         A folder without models, or an unwritable index.
     """
-    parts = {each.parent for each in path.glob("robot=*/*.parquet")}
+    present = {each.parent for each in path.glob("robot=*/*.parquet")}
     known = set()
-    for part in parts:
-        with _readable(part):
-            known |= {key for (key,) in _select(part, "DISTINCT key FROM rows").fetchall()}
+    for place in present:
+        with _readable(place):
+            known |= {key for (key,) in _select(place, "DISTINCT key FROM rows").fetchall()}
     named = {each.address: each for folder in folders for each in _models(folder)}
     found = list(named.values())
     new = [each for each in found if each.key not in known]
-    rows: dict[str, list[tuple[Any, ...]]] = {}
+    parts: dict[str, list[Any]] = {}
     left_out: list[str] = []
-    read = 0
-    for batch, results in execute(
-        read_batch, [new[k : k + BATCH] for k in range(0, len(new), BATCH)]
-    ):
-        if isinstance(results, Exception):
-            raise results
-        for each in results:
-            if isinstance(each, str):
-                left_out.append(each)
-            else:
-                digest, own = each
-                rows.setdefault(digest, []).extend(own)
+    read, batches = 0, [new[k : k + BATCH] for k in range(0, len(new), BATCH)]
+    for batch, result in execute(read_batch, batches):
+        if isinstance(result, Exception):
+            raise result
+        tables, reasons = result
+        left_out += reasons
+        for digest, part in tables.items():
+            parts.setdefault(digest, []).append(part)
         read += len(batch)
         progress(f"read {read} of {len(new)} models")
     name = hashlib.sha256("".join(sorted(each.key for each in new)).encode()).hexdigest()[:16]
-    for digest, own in rows.items():
-        write_part(path, digest, name, dict(zip(FIELDS, zip(*own, strict=True), strict=True)))
+    for digest, tables in parts.items():
+        write_part(path, digest, name, tables)
     return Indexed(len(new) - len(left_out), len(found) - len(new), tuple(left_out))
 
 
@@ -220,19 +216,25 @@ def _models(folder: str) -> Iterator[ModelAddress]:
     for each in found:
         run = PurePosixPath(each).parent.relative_to(root).parts
         machine = run[0] if len(run) > 1 else PurePosixPath(root).name
-        key = files.ukey(each) if files.exists(each) else ""  # a broken link
+        try:
+            key = files.ukey(each)
+        except FileNotFoundError:  # a broken link
+            key = ""
         yield ModelAddress(files.unstrip_protocol(each), machine, key)
 
 
-def read_batch(models: list[ModelAddress]) -> list[tuple[str, list[tuple[Any, ...]]] | str]:
-    """Return the rows of models, or the reasons for leaving models out."""
-    found: list[tuple[str, list[tuple[Any, ...]]] | str] = []
+def read_batch(models: list[ModelAddress]) -> tuple[dict[str, Any], list[str]]:
+    """Return rows of models as Arrow tables by robot, and reasons for leaving models out."""
+    rows: dict[str, list[tuple[Any, ...]]] = {}
+    left_out = []
     for each in models:
         try:
-            found.append(read_rows(each))
+            digest, own = read_rows(each)
         except FileError as error:
-            found.append(str(error))
-    return found
+            left_out.append(str(error))
+        else:
+            rows.setdefault(digest, []).extend(own)
+    return {digest: table_of(own) for digest, own in rows.items() if own}, left_out
 
 
 def read_rows(model: ModelAddress) -> tuple[str, list[tuple[Any, ...]]]:
@@ -289,15 +291,22 @@ def model_rows(
     return rows
 
 
-def write_part(path: Path, digest: str, name: str, columns: dict[str, Any]) -> None:
-    """Write one file of the index, columns by the names of `FIELDS`."""
+def table_of(rows: Sequence[tuple[Any, ...]]) -> Any:
+    """Return rows in the order of `FIELDS` as an Arrow table."""
+    with needed_for("the index of a fleet", EXTRA):
+        import pyarrow as pa  # noqa: PLC0415 - an extra
+    columns = dict(zip(FIELDS, zip(*rows, strict=True), strict=True))
+    return pa.table(columns, schema=pa.schema(list(FIELDS.items())))
+
+
+def write_part(path: Path, digest: str, name: str, tables: Sequence[Any]) -> None:
+    """Write Arrow tables of `table_of` as one file of the index."""
     with needed_for(path, EXTRA):
         import pyarrow as pa  # noqa: PLC0415 - an extra
         from pyarrow import parquet  # noqa: PLC0415
-    schema = pa.schema(list(FIELDS.items()))
     folder, sink = path / f"robot={digest[:16]}", pa.BufferOutputStream()
     folder.mkdir(parents=True, exist_ok=True)
-    parquet.write_table(pa.table(columns, schema=schema), sink, compression="zstd")
+    parquet.write_table(pa.concat_tables(tables), sink, compression="zstd")
     write_file(folder / f"{name}.parquet", sink.getvalue())
 
 
