@@ -53,7 +53,7 @@ def identify(folder: Path, workers: int) -> tuple[float, dict[str, str]]:
         path.unlink()
     with (
         distributed.LocalCluster(  # type: ignore[no-untyped-call]
-            n_workers=workers, threads_per_worker=1, processes=True, dashboard_address=None
+            n_workers=workers, threads_per_worker=1, processes=True, dashboard_address=":0"
         ) as cluster,
         execution.cluster(cluster.scheduler_address) as execute,
     ):

@@ -77,7 +77,7 @@ def test_a_cluster_finds_the_same_and_a_killed_worker_loses_nothing(plants: Path
         path.unlink()
     stated: list[str] = []
     with distributed.LocalCluster(
-        n_workers=2, threads_per_worker=1, processes=True, dashboard_address=None
+        n_workers=2, threads_per_worker=1, processes=True, dashboard_address=":0"
     ) as cluster:
         address = cluster.scheduler_address
         with distributed.Client(address) as client:

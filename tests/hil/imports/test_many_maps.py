@@ -58,7 +58,7 @@ def test_a_dask_cluster_makes_the_same_run(tmp_path, maps):
     import_recordings(maps, tmp_path / "in turn")
     with (
         distributed.LocalCluster(
-            n_workers=1, threads_per_worker=2, processes=False, dashboard_address=None
+            n_workers=1, threads_per_worker=2, processes=False, dashboard_address=":0"
         ) as cluster,
         execution.cluster(cluster.scheduler_address) as execute,
     ):
