@@ -69,8 +69,6 @@ def identify(
         list[Path],
         typer.Argument(
             metavar="FOLDER",
-            exists=True,
-            file_okay=False,
             help="Folders with run folders at any depth.",
         ),
     ],
