@@ -38,9 +38,10 @@ from figures import Figure, keep
 from pyarrow import parquet
 
 import hil
-from hil.commands.fleet import ask, model_rows, read_fleets, table_of, write_part
+from hil.commands.fleet import ask
 from hil.friction.law import TermValue
 from hil.results.deviations import FIRST, Fleet, deviations
+from hil.results.fleet_index import model_rows, read_fleets, table_of, write_part
 
 if TYPE_CHECKING:
     from hil.friction.law import AxisLaw

@@ -141,13 +141,14 @@ def watch(
         typer.Option(min=0, max=1000, help="Time for which to repeat the plan \\[h]."),
     ] = None,
     learn: Annotated[
-        float,
+        float | None,
         typer.Option(
             min=5,
             max=3600,
             help="Duration of motion without contact, from which thresholds are learned \\[s].",
+            show_default="30",
         ),
-    ] = 30.0,  # hil.results.watch.LEARNING
+    ] = None,
     thresholds: Annotated[
         Path | None,
         typer.Option(help="Folder of an earlier watch, whose thresholds hold from the start."),
@@ -165,26 +166,31 @@ def watch(
     An alarm is raised if measured torques leave the thresholds around the model's; the exit status
     is then 3.
     """
+    if learn is not None and thresholds is not None:
+        raise typer.BadParameter(
+            "nothing is learned with --thresholds; omit --learn, or --thresholds",
+            param_hint="--learn",
+        )
     with working("reading plan and model"):
         from hil.cli.measuring import measure
         from hil.cli.plan_files import load
         from hil.cli.watch_view import WatchView
         from hil.results.model import loaded
         from hil.results.model_file import file_of
-        from hil.results.watch import load_thresholds
+        from hil.results.watch import LEARNING, load_thresholds
         from hil.watching.watcher import Watcher, WatchingBus
 
         the_plan, the_robot = load(plan_file, robot_file, workspace)
         model = loaded(model_path, the_robot)
-        known = (
-            None
-            if thresholds is None
-            else load_thresholds(thresholds, model, the_plan.sample_period)
-        )
-        watcher = Watcher(model, the_plan.sample_period, learn, known.axes if known else ())
+        period, learning = the_plan.sample_period, learn or LEARNING
+        if thresholds is None:
+            watcher = Watcher(model, period, learning)
+        else:
+            learning, known = 0.0, load_thresholds(thresholds, model, period)
+            watcher = Watcher(model, period, learning, known.axes)
         how = OnBus(**vars(where), realtime=realtime, listeners=listeners(shown, where.bus_option))
         view = WatchView(watcher, the_robot)
-        rounds = _rounds(the_plan, the_robot, repeat, hours, 0.0 if known else learn)
+        rounds = _rounds(the_plan, the_robot, repeat, hours, learning)
     try:
         measure(
             the_plan.model_copy(update={"attempts": 1}),  # a push is the result: no repetition

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
@@ -17,6 +17,9 @@ from hil.cli.outputs import (
     write_page,
 )
 from hil.terminal.console import give, out, say, working
+
+if TYPE_CHECKING:
+    from hil.commands.fleet import Runs
 
 commands = typer.Typer()
 fleet_commands = typer.Typer(no_args_is_help=True)
@@ -55,12 +58,8 @@ def index(
 
     with executor(workers, scheduler) as execute, out.status("looking for models") as status:
         found = index_models(folders, output, execute, status.update)
-    for reason in found.left_out:
-        say(f"left out: {reason}", style="yellow")
-    say(f"{found.new} runs added to {output}, {found.known} known already")
-    give(added=found.new, known=found.known, left_out=list(found.left_out))
-    if found.left_out:
-        raise typer.Exit(Status.REFUSED)
+    give(added=found.new)
+    _finish(found, f"{found.new} runs added to {output}, {found.known} known already")
 
 
 @fleet_commands.command()
@@ -83,10 +82,16 @@ def identify(
 
     with executor(workers, scheduler) as execute, out.status("looking for runs") as status:
         found = identify_runs(folders, execute, status.update)
+    give(identified=found.new)
+    _finish(found, f"{found.new} runs identified, {found.known} up to date")
+
+
+def _finish(found: Runs, sentence: str) -> None:
+    """State which runs were left out and why; exit status 3 if there are any."""
     for reason in found.left_out:
-        say(f"not identified: {reason}", style="yellow")
-    say(f"{found.new} runs identified, {found.known} up to date")
-    give(identified=found.new, known=found.known, left_out=list(found.left_out))
+        say(f"left out: {reason}", style="yellow")
+    say(sentence)
+    give(known=found.known, left_out=list(found.left_out))
     if found.left_out:
         raise typer.Exit(Status.REFUSED)
 
@@ -95,7 +100,8 @@ def identify(
 def query(path: Index, rate: Rate = 0.5) -> None:
     """List machines that deviate from their own past or from the fleet."""
     with working("testing all machines"):
-        from hil.commands.fleet import ask, read_fleets
+        from hil.commands.fleet import ask
+        from hil.results.fleet_index import read_fleets
 
         found = ask(read_fleets(path), rate)
     show(found)
@@ -114,7 +120,8 @@ def page(
 ) -> None:
     """Write a page of the deviating machines, with their quantities over time."""
     with working("testing all machines"):
-        from hil.commands.fleet import ask, read_fleets
+        from hil.commands.fleet import ask
+        from hil.results.fleet_index import read_fleets
 
         found = ask(read_fleets(path), rate)
     write_page(output, found)

@@ -1,37 +1,29 @@
 """`hil fleet`: identification and index of many runs, and tests for deviating machines.
 
-The index is a folder, ``robot=DIGEST/*.parquet``: one row for each run and quantity, a file for
-each call of `index` and robot. A model with known address and state is not read again. DuckDB reads
-the index, `hil.results.deviations` tests it. Addresses of object storage (``s3://...``) go through
-fsspec.
+A model with known address and state is not read again (`hil.results.fleet_index`). Addresses of
+object storage (``s3://...``) go through fsspec.
 """
 
 from __future__ import annotations
 
 import hashlib
-import math
 from concurrent.futures import BrokenExecutor
-from contextlib import contextmanager
-from dataclasses import dataclass
 from datetime import UTC, datetime
 from functools import partial
 from pathlib import Path, PurePosixPath
-from typing import TYPE_CHECKING, Any, NamedTuple, get_args
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from checked_files.budget import refuse_beyond
 from checked_files.errors import HilError
-from checked_files.foreign_text import whole_line
 from checked_files.yaml_file import FileError, parse_yaml, read_text
 from hil.least_squares.uncertainty import TWICE
 from hil.optional_packages import needed_for
 from hil.results.deviations import FIRST, NEWEST, Deviations, Fleet, deviations
+from hil.results.fleet_index import EXTRA, known_keys, model_rows, table_of, write_part
 from hil.results.model import Model
 from hil.results.model_file import NAME, ModelFile
-from hil.results.quantities import Kind, Quantity, friction_quantities, quantities, reading
 from hil.results.tables.changes import changed_table
-from hil.runs.atomic_file import write_file
 from hil.runs.run import Run
 from hil.show.charts.chart import MEASURED, MUTED, Chart, Line, Panel, Points, chart
 from hil.show.outcome import Outcome, Verdict
@@ -45,27 +37,8 @@ if TYPE_CHECKING:
     from hil.execution import Execute
     from hil.results.changes import Change
 
-EXTRA = "fleet"
-FIELDS = {
-    "robot": "string", "machine": "string", "run": "string", "key": "string", "digest": "string",
-    "time": "double", "method": "string", "word": "string", "findings": "string",
-    "quantity": "string", "kind": "string", "axis": "int32", "speed": "double", "unit": "string",
-    "meaning": "string", "value": "double", "standard_error": "double", "degrees": "double",
-    "allowance": "double", "warmth": "double", "indexed": "double",
-}  # fmt: skip
-"""Columns of the index. `key` is the state of the file, `time` in seconds since 1970."""
-FILLED_IN = (
-    "machine", "run", "time", "quantity", "kind", "unit", "meaning", "value", "standard_error",
-    "degrees", "allowance", "indexed",
-)  # fmt: skip
-"""Columns without missing values."""
-LAST = 253_402_300_799
-"""End of the year 9999 in seconds since 1970."""
-ROW, MOST = 1000, 2_000_000_000
-"""Maximum memory of a row while an index is read, and of all rows: a fleet of 1000 machines with
-monthly runs of three years has 1.4 million rows (`benchmarks/fleet.py`) [bytes]."""
 BATCH = 32
-"""Models read by one job: a fifth of a second, beside which the job's own 0.5 ms do not count."""
+"""Models read by a job: a tenth of a second. Single models cost the command 0.2 ms more each."""
 DRAWN = 12
 """Maximum number of deviations with a panel on the page."""
 
@@ -78,9 +51,8 @@ class ModelAddress(NamedTuple):
     key: str
 
 
-@dataclass(frozen=True)
-class Indexed:
-    """Result of `index`: numbers of runs, and the reasons for leaving runs out."""
+class Runs(NamedTuple):
+    """Runs after `index` or `identify_runs`: numbers, and the reasons for leaving runs out."""
 
     new: int
     known: int
@@ -92,7 +64,7 @@ def index(
     path: Path,
     execute: Execute[Any, Any],
     progress: Callable[[str], object],
-) -> Indexed:
+) -> Runs:
     """Add the models of all runs below some folders to an index.
 
     A run in ``FOLDER/MACHINE/.../model.yaml`` belongs to MACHINE, a run directly below the folder
@@ -114,11 +86,7 @@ def index(
     FileError
         A folder without models, or an unwritable index.
     """
-    present = {each.parent for each in path.glob("robot=*/*.parquet")}
-    known = set()
-    for place in present:
-        with _readable(place):
-            known |= {key for (key,) in _select(place, "DISTINCT key FROM rows").fetchall()}
+    known = known_keys(path)
     named = {each.address: each for folder in folders for each in _models(folder)}
     found = list(named.values())
     new = [each for each in found if each.key not in known]
@@ -137,20 +105,12 @@ def index(
     name = hashlib.sha256("".join(sorted(each.key for each in new)).encode()).hexdigest()[:16]
     for digest, tables in parts.items():
         write_part(path, digest, name, tables)
-    return Indexed(len(new) - len(left_out), len(found) - len(new), tuple(left_out))
-
-
-class Identified(NamedTuple):
-    """Result of `identify_runs`: numbers of runs, and the reasons for runs without a model."""
-
-    new: int
-    known: int
-    left_out: tuple[str, ...]
+    return Runs(len(new) - len(left_out), len(found) - len(new), tuple(left_out))
 
 
 def identify_runs(
     folders: Sequence[Path], execute: Execute[Any, Any], progress: Callable[[str], object]
-) -> Identified:
+) -> Runs:
     """Identify the runs below some folders, as by ``hil identify RUN``.
 
     A run whose model follows from its present recordings and the present program is not
@@ -185,7 +145,7 @@ def identify_runs(
         else:
             known += result
         progress(f"identified {n} of {len(runs)} runs")
-    return Identified(len(runs) - known - len(left_out), known, tuple(sorted(left_out)))
+    return Runs(len(runs) - known - len(left_out), known, tuple(sorted(left_out)))
 
 
 def identify_run(path: Path) -> bool:
@@ -261,150 +221,6 @@ def read_rows(model: ModelAddress) -> tuple[str, list[tuple[Any, ...]]]:
     content = hashlib.sha256(text.encode()).hexdigest()
     run = str(PurePosixPath(place).parent)
     return found.provenance.robot_digest, model_rows(found, model.machine, run, model.key, content)
-
-
-def model_rows(
-    found: Model, machine: str, run: str, key: str, digest: str
-) -> list[tuple[Any, ...]]:
-    """Return the rows of a model, one for each identified quantity, in the order of `FIELDS`."""
-    about, causes = found.provenance, found.excluded
-    time = datetime.fromisoformat(about.measured or about.identified).timestamp()
-    head = (
-        about.robot, machine, run, key, digest, time, found.method,
-        "" if found.verdict is None else found.verdict.word,
-        "" if causes is None else "; ".join(map(str, causes.found)),
-    )  # fmt: skip
-    rows, indexed = [], datetime.now(UTC).timestamp()
-    parameters = [each for each in quantities([found]) if each.axis is None]
-    for each in (*parameters, *friction_quantities(found.robot)):
-        axis = None if each.axis is None else found.friction_law.axes[each.axis - 1]
-        slow, fast = (0.0, np.inf) if axis is None or axis.speeds is None else axis.speeds
-        if each.speed is not None and not slow <= each.speed <= fast:
-            continue
-        if (read := reading(found, each)) is None or read.stands_for:
-            continue
-        warmth = math.nan if axis is None or axis.warmth is None else axis.warmth.reference
-        rows.append((
-            *head, each.name, each.kind, each.axis, each.speed, each.unit, each.meaning,
-            read.value, read.standard_error, read.degrees, read.allowance, warmth, indexed,
-        ))  # fmt: skip
-    return rows
-
-
-def table_of(rows: Sequence[tuple[Any, ...]]) -> Any:
-    """Return rows in the order of `FIELDS` as an Arrow table."""
-    with needed_for("the index of a fleet", EXTRA):
-        import pyarrow as pa  # noqa: PLC0415 - an extra
-    columns = dict(zip(FIELDS, zip(*rows, strict=True), strict=True))
-    return pa.table(columns, schema=pa.schema(list(FIELDS.items())))
-
-
-def write_part(path: Path, digest: str, name: str, tables: Sequence[Any]) -> None:
-    """Write Arrow tables of `table_of` as one file of the index."""
-    with needed_for(path, EXTRA):
-        import pyarrow as pa  # noqa: PLC0415 - an extra
-        from pyarrow import parquet  # noqa: PLC0415
-    folder, sink = path / f"robot={digest[:16]}", pa.BufferOutputStream()
-    folder.mkdir(parents=True, exist_ok=True)
-    parquet.write_table(pa.concat_tables(tables), sink, compression="zstd")
-    write_file(folder / f"{name}.parquet", sink.getvalue())
-
-
-def _select(path: Path, what: str) -> Any:
-    """Return the relation of a DuckDB query of an index, or of one robot's part of an index."""
-    with needed_for(path, EXTRA):
-        import duckdb  # noqa: PLC0415 - an extra
-        import pyarrow as pa  # noqa: PLC0415
-        from pyarrow import dataset  # noqa: PLC0415
-    # files are opened by pyarrow, because DuckDB expands '*', '?' and '[' in the name of a folder
-    files, schema = [str(each) for each in path.glob("*.parquet")], pa.schema(list(FIELDS.items()))
-    rows = duckdb.from_arrow(dataset.dataset(files, schema=schema))
-    return rows.query("rows", f"SELECT {what}")
-
-
-@contextmanager
-def _readable(part: Path) -> Iterator[None]:
-    """Refuse a robot's part of an index if too large or not in the format of `write_part`."""
-    with needed_for(part, EXTRA):
-        import duckdb  # noqa: PLC0415 - an extra
-        from pyarrow import ArrowException, parquet  # noqa: PLC0415
-    rows, file = 0, part
-    try:
-        for file in sorted(part.glob("*.parquet")):
-            about = parquet.ParquetFile(file)
-            found = {each.name: str(each.type) for each in about.schema_arrow}
-            if wrong := [each for each in FIELDS if found.get(each) != FIELDS[each]]:
-                raise FileError(
-                    f"{file}: is not an index of hil fleet: column {wrong[0]} must hold"
-                    f" {FIELDS[wrong[0]]}, not {found.get(wrong[0], 'be missing')}; write it anew"
-                )
-            rows += about.metadata.num_rows
-            refuse_beyond(part, ROW * rows, f"{rows} rows", MOST)
-        file = part
-        yield
-    except (ArrowException, OSError, ValueError, duckdb.Error) as error:
-        raise FileError(
-            f"{file}: is not an index of hil fleet: {whole_line(str(error))}"
-        ) from error
-
-
-def read_fleets(path: Path) -> dict[str, Fleet]:
-    """Read an index: fleets by the digest of the robot.
-
-    Raises
-    ------
-    FileError
-        No index.
-    """
-    parts = sorted({each.parent for each in path.glob("robot=*/*.parquet")})
-    if not parts:
-        raise FileError(f"{path}: holds no index; make one with: hil fleet index FOLDER -o {path}")
-    fleets = {}
-    for part in parts:
-        with _readable(part):
-            fleets[part.name.removeprefix("robot=")] = _fleet(part)
-    return fleets
-
-
-def _fleet(part: Path) -> Fleet:
-    filled_in = " AND ".join(f"{each} IS NOT NULL" for each in FILLED_IN)
-    usual = f"time BETWEEN 0 AND {LAST} AND kind IN {get_args(Kind)} AND {filled_in}"
-    wrong = _select(part, f"machine, time, quantity FROM rows WHERE NOT ({usual}) LIMIT 1")
-    for machine, time, quantity in wrong.fetchall():
-        raise FileError(
-            f"{part}: row of machine {whole_line(str(machine))[:40]}, time {time}, quantity"
-            f" {whole_line(str(quantity))[:40]}: must have values of {', '.join(FILLED_IN)}, a"
-            " known kind, and a time from 1970 to 9999; write the index anew with hil fleet index"
-        )
-    runs = _select(
-        part, "DISTINCT machine, time, run FROM rows ORDER BY machine, time, run"
-    ).fetchnumpy()
-    kinds = _select(
-        part,
-        "quantity, any_value(kind), any_value(unit), any_value(axis), any_value(speed),"
-        " any_value(meaning) FROM rows GROUP BY quantity ORDER BY quantity",
-    ).fetchall()
-    found = tuple(
-        Quantity(name, kind, unit, axis=axis, speed=speed, meaning=meaning)
-        for name, kind, unit, axis, speed, meaning in kinds
-    )
-    size = 4 * 8 * len(runs["run"]) * len(found)
-    refuse_beyond(part, size, f"{len(runs['run'])} runs with {len(found)} quantities")
-    # a repeated identification of a run comes last and replaces the earlier model
-    cells = _select(
-        part,
-        "dense_rank() OVER (ORDER BY machine, time, run) - 1 AS r,"
-        " dense_rank() OVER (ORDER BY quantity) - 1 AS q,"
-        " value, standard_error, degrees, allowance FROM rows ORDER BY indexed",
-    ).fetchnumpy()
-    machines, machine = np.unique(np.asarray(runs["machine"], dtype=str), return_inverse=True)
-    arrays = []
-    for column in ("value", "standard_error", "degrees", "allowance"):
-        filled = np.full((len(machine), len(found)), np.nan)
-        filled[cells["r"], cells["q"]] = cells[column]
-        arrays.append(filled)
-    labels = np.asarray(runs["run"], dtype=str)
-    return Fleet(tuple(machines.tolist()), found, machine, runs["time"], labels, *arrays)
 
 
 def ask(fleets: dict[str, Fleet], rate: float) -> Outcome:

@@ -48,15 +48,23 @@ def clipped_positions(
     samples: Samples, stretches: Sequence[Stretch], robot: Robot
 ) -> Iterator[Suspicion]:
     """Yield suspicions of positions clipped at a bound."""
-    bounds = np.array([[x.min(axis=0), x.max(axis=0)] for x in _parts(samples, stretches)])
-    low, high = bounds[:, 0].min(axis=0), bounds[:, 1].max(axis=0)
-    corners = [_Corners((a, b)) for a, b in zip(low.tolist(), high.tolist(), strict=True)]
-    n = 0
-    for part in _parts(samples, stretches):
-        n += len(part)
-        for each, x in zip(corners, part.T, strict=True):
-            each.add(x)
-    for joint, each in enumerate(corners):
+    parts, n = [], 0
+    for x in _parts(samples, stretches):
+        n += len(x)
+        least, most = x.min(axis=0), x.max(axis=0)
+        at_least = x <= least + ROUNDED_OFF * np.abs(least)
+        at_most = x >= most - ROUNDED_OFF * np.abs(most)
+        parts.append([least, most, at_least.sum(axis=0), at_most.sum(axis=0)])
+    low, high, *_ = (each.tolist() for each in np.transpose(parts, (1, 2, 0)))
+    corners = {
+        joint: _Corners(bounds)
+        for joint, bounds in enumerate(zip(map(min, low), map(max, high), strict=True))
+        if _has_plateaus(np.array(parts)[:, :, joint], bounds)
+    }
+    for part in _parts(samples, stretches) if corners else ():
+        for joint, each in corners.items():
+            each.add(part[:, joint])
+    for joint, each in corners.items():
         found = {
             bound: sum(length for *_, length in plateaus)
             for bound, plateaus in each.sharp.items()
@@ -72,6 +80,15 @@ def clipped_positions(
                 "arrives and leaves with full speed and is constant in between, as with the end "
                 "of a register; record a wider register, or choose rows without these",
             )
+
+
+def _has_plateaus(parts: Array, bounds: tuple[float, float]) -> bool:
+    """Return whether `TWICE` plateaus fit into the samples at a bound.
+
+    `parts` (n_parts, 4) has least and greatest position of each part, and their numbers.
+    """
+    numbers = (parts[_equal(parts[:, k], end), 2 + k].sum() for k, end in enumerate(bounds))
+    return bool(max(numbers) >= TWICE * PLATEAU)
 
 
 def _parts(samples: Samples, stretches: Sequence[Stretch]) -> Iterator[Array]:

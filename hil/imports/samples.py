@@ -111,6 +111,8 @@ def read_samples(
     numbers: list[Integers] = []
     notes: dict[str, None] = {}
     unsigned = np.ones(conversion.n_recorded, dtype=bool)
+    # greatest step, greatest and least position of each joint
+    reach = np.array([[0.0], [-np.inf], [np.inf]]) * np.ones(robot.n_joints)
     with scratch.open("wb") as file:
         for number, name in enumerate(the_map.content.files):
             begins.append(n)
@@ -126,16 +128,24 @@ def read_samples(
                     times.append(time)
                     complete.append(np.isfinite(time) & conversion.complete(values))
                     q = values[:, : robot.n_joints]
-                    steps = np.diff(q, axis=0, prepend=last)
+                    steps = np.abs(np.diff(q, axis=0, prepend=last))
                     # no robot moves by more than half a turn, or half of 6 m, between samples
-                    wraps += int(np.count_nonzero(np.abs(steps) > np.pi))
+                    wraps += int(np.count_nonzero(steps > np.pi))
+                    for kept, keep, x in zip(
+                        reach, (np.fmax, np.fmax, np.fmin), (steps, q, q), strict=True
+                    ):
+                        keep(kept, keep.reduce(x, axis=0, initial=np.nan), out=kept)
                     last, n = q[-1:], n + len(time)
                 progress(path, n - begins[-1])
             if n == begins[-1]:
                 raise FileError(f"{path}: has no rows; name a file with rows")
     time = np.concatenate(times)
     values = np.memmap(scratch, np.float64, "r+", shape=(n, 3 * robot.n_joints))
-    decoded = [*_restore_signs(values, conversion, unsigned), *_restore_turns(values, conversion)]
+    jumping = reach[0] > (reach[1] - reach[2]) / 2
+    decoded = [
+        *_restore_signs(values, conversion, unsigned),
+        *_restore_turns(values, conversion, jumping),
+    ]
     if decoded:
         notes |= dict.fromkeys(decoded)
         wraps = sum(
@@ -197,10 +207,17 @@ def _restore_signs(values: Array, conversion: Conversion, unsigned: Mask) -> Ite
                 yield f"{kind} of joint {joint} are read as {coding}: {why}"
 
 
-def _restore_turns(values: Array, conversion: Conversion) -> Iterator[str]:
-    """Unwrap positions of encoders of one turn; yield statements of the changes."""
+def _restore_turns(values: Array, conversion: Conversion, jumping: Mask) -> Iterator[str]:
+    """Unwrap positions of encoders of one turn; yield statements of the changes.
+
+    `jumping` joints have steps of more than half of their way, as at a turn of an encoder. If
+    several motors move a joint, its steps are not those of one encoder.
+    """
     positions = conversion.kinds["positions"]
+    coupled = np.count_nonzero(positions.matrix) > len(jumping)
     for joint, own in enumerate(conversion.turns.tolist()):
+        if not (jumping[joint] or coupled):
+            continue
         recorded = positions.restore(values, joint)
         rounded = recorded.round()
         rounding = np.abs(np.nan_to_num(recorded - rounded)).max(initial=0.0)

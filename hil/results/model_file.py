@@ -246,7 +246,7 @@ class ModelFile(FileModel):
 
 @lru_cache(maxsize=1)
 def _parsed(text: str, path: str) -> ModelFile:
-    """Parse a model's file, with a cache, since parsing takes half a second."""
+    """Parse a model's file, with a cache, since a command may need the file several times."""
     return parse_yaml(text, ModelFile, path)
 
 

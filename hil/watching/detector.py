@@ -32,6 +32,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
+from hil.errors import Mismatch
 from hil.model.dynamics import inverse_dynamics, regressor
 from hil.model.motors import motor_torque
 from hil.results.identified_robot import known_friction
@@ -161,7 +162,24 @@ class Detector:
         return self.turning.distance
 
     def begin(self, learned: Sequence[Sight]) -> None:
-        """Begin with the thresholds of an earlier watch, instead of unknown scatter."""
+        """Begin with the thresholds of an earlier watch, instead of unknown scatter.
+
+        Raises
+        ------
+        Mismatch
+            Thresholds of another number of axes, windows or presliding distances.
+        """
+        n_windows, n_axes = self.scatter.squares.shape
+        n_sums, n_distances, _ = self.turning.sums.shape
+        for axis in learned:
+            sizes = len(axis.scatter), *map(len, axis.reversals)
+            if sizes != (n_windows, *n_sums * [n_distances]):
+                raise Mismatch(
+                    f"axis {axis.axis}: thresholds of {sizes[0]} windows and {sizes[1:]} sums for"
+                    f" reversals must be {n_windows} and {n_sums} times {n_distances}; watch again"
+                )
+        if len(learned) != n_axes:
+            raise Mismatch(f"thresholds of {len(learned)} axes must be {n_axes}; watch again")
         rms = np.array([axis.scatter for axis in learned]).T / self._limit
         self.scatter.squares = rms**2
         self.scatter.weights = np.array([axis.moved for axis in learned]) / self._period

@@ -41,6 +41,20 @@ def test_what_is_written_is_what_any_yaml_reader_reads(content: dict[str, object
     assert found is None or repr(found) == repr(whole_lines(content, ()))
 
 
+USUAL = st.recursive(
+    st.none() | st.booleans() | st.integers() | st.floats(allow_nan=False, allow_infinity=False)
+    | st.sampled_from(["", "one", "two words", "1e5", "null", "- a", "# b", "joint's offset"]),
+    lambda inner: st.lists(inner, max_size=4)
+    | st.dictionaries(st.sampled_from(["a", "b2", "c_d", "value"]), inner, max_size=4),
+    max_leaves=20,
+)  # fmt: skip
+
+
+@given(st.dictionaries(st.sampled_from(["a", "b2", "c_d"]), USUAL, min_size=1))
+def test_usual_content_is_read_line_by_line(content: dict[str, object]) -> None:
+    assert repr(read(write_lines(content))) == repr(content)
+
+
 @given(st.text(st.sampled_from('ab:-| \n"[]{}1,\\.e#'), max_size=60))
 @example('a: 1\na: "2"\n')
 @example('a: {"b": 1, "b": 2}\n')

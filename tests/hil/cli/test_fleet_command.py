@@ -12,7 +12,7 @@ from free_run import arm
 from stated_model import stated_model
 
 from hil.commands import fleet
-from hil.commands.fleet import read_fleets
+from hil.results.fleet_index import read_fleets
 
 if TYPE_CHECKING:
     from collections.abc import Callable

@@ -56,7 +56,7 @@ def test_runs_without_a_model_are_identified_and_others_stay(hil: Hil, plants: P
     status, out, _ = hil("fleet", "identify", plants, "--workers", 2)
     assert (status, "2 runs identified, 0 up to date" in out) == (3, True)
     damaged, robot = plants / "b" / "june", arm()
-    assert f"not identified: {damaged}: {damaged / 'robot.yaml'}:1: " in out
+    assert f"left out: {damaged}: {damaged / 'robot.yaml'}:1: " in out
     write_free_run(plants / "b" / "july", robot, recorded(robot, TRUTH, n=2, duration=8.0))
     (damaged / "run.json").unlink()
     (plants / "a" / "june" / NAME).unlink()

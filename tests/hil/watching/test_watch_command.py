@@ -23,13 +23,14 @@ from drivers.drive_bus import Sample
 from hil.cli import app
 from hil.cli.measuring import OnBus, measure
 from hil.commands.watch import NAME
+from hil.errors import Mismatch
 from hil.model.robot import ROBOTS, Robot
 from hil.planning.design.trajectories import Basis
 from hil.planning.measurement import Gravity, Inertia
 from hil.planning.plan import Plan, PlannedRobot, dump_plan
 from hil.results.identification import identify
 from hil.results.model import Model
-from hil.results.watch import Watched
+from hil.results.watch import LEARNING, Watched
 from hil.runs import SIMULATED
 from hil.runs.run import Run
 from hil.runs.run_folder import RunFolder
@@ -259,6 +260,34 @@ def test_thresholds_of_an_earlier_watch_hold_from_the_start(
     recording = Run.open(tmp_path / "clean" / "run")["t"].recording
     samples = recording.time, recording.q, recording.tau
     assert alarms_in_c(Model.load(model), clean, samples, tmp_path, learned=True) == []
+
+
+def test_thresholds_of_another_size_are_refused(pushed: tuple[Path, Result], model: Path) -> None:
+    loaded, found = Model.load(model), load_yaml(pushed[0] / NAME, Watched)
+    first, *others = found.axes
+    shorter = first.model_copy(update={"scatter": first.scatter[:-1]})
+    fewer = first.model_copy(update={"reversals": first.reversals[:-1]})
+    for wrong, words in (
+        ((shorter, *others), "axis 1: thresholds of .* must be"),
+        ((fewer, *others), "axis 1: thresholds of .* must be"),
+        (others, "thresholds of 5 axes must be 6"),
+    ):
+        with pytest.raises(Mismatch, match=words):
+            Watcher(loaded, 0.004, LEARNED, wrong)
+
+
+def test_the_help_states_the_time_of_learning() -> None:
+    assert f"[default: {LEARNING:g}]" in " ".join(called("watch", "--help").output.split())
+
+
+def test_a_time_of_learning_has_no_effect_beside_thresholds(
+    pushed: tuple[Path, Result], model: Path, plan: Path, tmp_path: Path
+) -> None:
+    words = ("--thresholds", pushed[0], "--learn", 10, "-o", tmp_path / "x")
+    done = called("watch", plan, "--model", model, *words)
+    assert done.exit_code == 2
+    assert "nothing is learned with --thresholds" in " ".join(done.output.split())
+    assert not (tmp_path / "x").exists()
 
 
 def test_a_gap_is_no_push(pushed: tuple[Path, Result], model: Path) -> None:
