@@ -1,6 +1,7 @@
 """YAML with a value of JSON on every line, read by the fast scanner of JSON.
 
-Every YAML reader takes this form. Values are those of JSON, unlike those of `yaml_text`. A file in another form of YAML is read as such::
+Every YAML reader takes this form. Values are those of JSON, unlike those of `yaml_text`. A file in
+another form of YAML is read as such::
 
     name: VALUE
     name:
@@ -197,9 +198,7 @@ def _read_json(line: str) -> Any:
     return value
 
 
-def _number_of_keys(value: Any) -> int:
-    if isinstance(value, dict):
-        return len(value) + sum(_number_of_keys(each) for each in value.values() if each)
-    # a list of numbers has no keys
-    records = isinstance(value, list) and isinstance(value[0], dict | list)
-    return sum(map(_number_of_keys, filter(None, value))) if records else 0
+def _number_of_keys(value: dict[str, Any] | list[Any]) -> int:
+    inner = value.values() if isinstance(value, dict) else value
+    own = len(value) if isinstance(value, dict) else 0
+    return own + sum(_number_of_keys(each) for each in inner if isinstance(each, dict | list))

@@ -11,7 +11,7 @@ import pytest
 from free_run import arm
 from stated_model import stated_model
 
-from hil.commands import fleet
+from hil.results import fleet_index
 from hil.results.fleet_index import read_fleets
 
 if TYPE_CHECKING:
@@ -190,7 +190,7 @@ def test_an_index_that_would_not_fit_into_memory_is_refused(
     hil: Hil, plants: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     hil("fleet", "index", plants, "-o", tmp_path / "fleet.parquet")
-    monkeypatch.setattr(fleet, "MOST", -100_000)
+    monkeypatch.setattr(fleet_index, "MOST", -100_000)
     status, _, err = hil("fleet", "query", tmp_path / "fleet.parquet")
     assert status != 0
     assert "rows would take" in " ".join(err.split())

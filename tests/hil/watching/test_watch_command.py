@@ -277,7 +277,8 @@ def test_thresholds_of_another_size_are_refused(pushed: tuple[Path, Result], mod
 
 
 def test_the_help_states_the_time_of_learning() -> None:
-    assert f"[default: {LEARNING:g}]" in " ".join(called("watch", "--help").output.split())
+    shown = re.sub(r"[│\s]+", " ", called("watch", "--help").output)
+    assert f"thresholds are learned [s]. [default: {LEARNING:g}]" in shown
 
 
 def test_a_time_of_learning_has_no_effect_beside_thresholds(
