@@ -42,8 +42,9 @@ if TYPE_CHECKING:
     from hil.results.watch import Watched
 
 GIVEN = (
-    "Call it once in each period with the time since the last sample [s], positions and torques;",
-    "leave a missing sample out: the next one then comes after two periods. An alarm begins at a",
+    "Call it every {:g} ms, the period of that watch; at another period velocities are wrong.",
+    "It takes the time since the last sample [s], positions and measured torques, joint side.",
+    "Leave a missing sample out: the next one then comes after two periods. An alarm begins at a",
     "sample and ends 0.25 s after its last sign. external is the mean torque by contact over the",
     "window nearest to its threshold, both in N m or N. It is monitoring, not a safety function.",
 )
@@ -74,7 +75,7 @@ def _parts(model: Model, origin: tuple[str, ...], found: Watched) -> _Parts:
         "",
         f"Watch of {model.robot.name}, written by hil export.",
         f"Thresholds of {found.model} (model {model.digest[:12]}), learned by hil watch.",
-        *GIVEN,
+        *(line.format(1e3 * found.period) for line in GIVEN),
     )
     return _Parts(identifier(model.robot.name), model, head, numbers, arrays)
 
@@ -122,7 +123,7 @@ def _c(parts: _Parts, found: Watched) -> dict[str, str]:
         for field, each in STATE.items()
     ]
     kinds = {**language.words, "Any": f"const {name}_real *"}
-    begin = [f"static const {name}_watch none = {{0}};", "*s = none;"]
+    begin = ["(void)memset(s, 0, sizeof *s);"]
     bodies = []
     for to, function in reversed(steps().items()):
         given = list(arguments(function).items())[2:]
@@ -136,7 +137,7 @@ def _c(parts: _Parts, found: Watched) -> dict[str, str]:
     text = "\n".join([
         c_comment(parts.head),
         f"#ifndef {upper}_WATCH_H\n#define {upper}_WATCH_H\n\n#include <math.h>\n"
-        f'#include <stdbool.h>\n\n#include "{name}_dynamics.h"\n',
+        f'#include <stdbool.h>\n#include <string.h>\n\n#include "{name}_dynamics.h"\n',
         TYPES[TYPES.index("#define HIL_R") :].format(name=name)
         + f"#ifdef {upper}_SINGLE\n#define HIL_F(function) function##f\n#else\n"
         "#define HIL_F(function) function\n#endif\n",

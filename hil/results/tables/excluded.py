@@ -70,6 +70,8 @@ def change_by_cause(
         return (f"too few recordings to find causes of a change since {before}",)
     besides = "".join(f", besides the {each}" for each in known)
     said = [f"cause of the difference from {before}{besides}: {each}" for each in proof.found]
+    if not said and not any(each.size is not None or not each.testable for each in proof.limits):
+        return (f"no change since {before} would show in these recordings: measure longer",)
     nothing = f"no lasting cause of a difference from {before} found{besides}"
     title = "Changes that these recordings would show"
     return excluded(proof, n_joints, title), *(said or [nothing])

@@ -45,7 +45,7 @@ ROBOTS = {
     "three slides": str(ROOT / "tests/robots/cartesian.yaml"),
 }
 PERIOD, LEARNED = 0.004, 3.0
-CPPCHECK, NM = shutil.which("cppcheck"), shutil.which("nm")
+CPPCHECK, NM, CPP = shutil.which("cppcheck"), shutil.which("nm"), shutil.which("c++")
 ADVICE = ("2.5", "8.9", "12.1", "12.3", "20.5", "20.10")
 """Advisory rules of MISRA C:2012 not followed: those of the model's header, and tables outside of
 the only function that uses them.
@@ -125,6 +125,28 @@ def test_the_c_of_the_watch_calls_five_functions_and_allocates_nothing(tmp_path:
     # compilers compute sine and cosine together, and copy structures by memcpy or memset
     both = {"sincos", "memcpy", "memset", "stack_chk_fail"}
     assert {"sin", "cos", "atan", "exp", "sqrt", *both} >= names >= {"exp"}
+
+
+@needs_compiler
+@pytest.mark.skipif(CPP is None, reason="there is no compiler of C++")
+def test_nodes_in_cpp_take_the_headers_without_a_warning(tmp_path: Path) -> None:
+    model = model_of("two turns")
+    alarms_in_c(model, earlier(model, 4.0), recorded(model, 4.0), tmp_path, learned=True)
+    (tmp_path / "node.cpp").write_text(
+        '#include "pan_tilt_watch.h"\n'
+        "void start(pan_tilt_watch &s);\n"
+        "void start(pan_tilt_watch &s) { pan_tilt_start_watch(&s, true); }\n"
+    )
+    command = [str(CPP), "-Wall", "-Wextra", "-Wpedantic", "-fsyntax-only", "node.cpp"]
+    done = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, check=True)  # noqa: S603
+    assert not done.stderr
+
+
+@pytest.mark.parametrize("language", ["c", "python", "st"])
+def test_the_period_of_the_calls_is_stated(language: str) -> None:
+    model = model_of("two turns")
+    (text,) = write_watch(model, language, ("origin",), earlier(model, 4.0)).values()
+    assert "Call it every 4 ms" in text
 
 
 @pytest.mark.skipif(CPPCHECK is None, reason="there is no cppcheck")

@@ -11,7 +11,7 @@ import pytest
 from rich.console import Console
 
 from hil.estimation.excluded.result import Excluded, Found, Limit
-from hil.results.tables.excluded import FOUND, UNTESTED, excluded
+from hil.results.tables.excluded import FOUND, UNTESTED, change_by_cause, excluded
 from hil.show.html import html
 from hil.show.outcome import Outcome, Verdict
 from hil.show.page import write_outcome
@@ -140,6 +140,18 @@ def test_no_limit_is_stated_beside_a_cause_that_was_found() -> None:
     (row,) = excluded(proof, 2).parts[0].rows
     assert row[2:4] == ("(2.9)", FOUND)
     assert [each.axis for each in proof.invisible] == [1]
+
+
+def test_recordings_that_would_show_no_change_give_a_sentence_in_place_of_a_table() -> None:
+    hidden, shown = (
+        Limit(cause="joint offset", axis=1, part="", unit="degrees", size=size, torque=0.01)
+        for size in (None, 2.9)
+    )
+    (said,) = change_by_cause(Excluded(found=(), limits=(hidden,), tests=1), 2, "runs/a")
+    assert said == "no change since runs/a would show in these recordings: measure longer"
+    table, said = change_by_cause(Excluded(found=(), limits=(hidden, shown), tests=2), 2, "runs/a")
+    assert isinstance(table, Table)
+    assert said == "no lasting cause of a difference from runs/a found"
 
 
 def test_a_cause_of_the_arm_has_a_column_of_its_own() -> None:
