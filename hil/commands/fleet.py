@@ -19,7 +19,7 @@ from checked_files.errors import HilError
 from checked_files.yaml_file import FileError, parse_yaml, read_text
 from hil.least_squares.uncertainty import TWICE
 from hil.optional_packages import needed_for
-from hil.results.deviations import FIRST, NEWEST, Deviations, Fleet, deviations
+from hil.results.deviations import ENOUGH, FIRST, NEWEST, Deviations, Fleet, deviations
 from hil.results.fleet_index import EXTRA, known_keys, model_rows, table_of, write_part
 from hil.results.model import Model
 from hil.results.model_file import NAME, ModelFile
@@ -270,6 +270,11 @@ def _fleets_table(fleets: dict[str, Fleet], tested: dict[str, Deviations], rate:
         f"against the change of the other machines, and its newest level against the level of "
         f"the other machines. An unchanged "
         f"machine has at most {rate:g} false alarms in ten years.",
+        tuple(
+            f"{name}: fewer than {ENOUGH} machines, each compared with its own past only"
+            for name, fleet in fleets.items()
+            if len(fleet.machines) < ENOUGH
+        ),
     )  # fmt: skip
 
 

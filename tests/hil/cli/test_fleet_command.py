@@ -59,6 +59,7 @@ def test_a_machine_that_changed_is_named_with_what_it_may_come_from(
     assert status == 0
     assert "1 of 2 machines with significant deviations: b" in out
     assert "counterweight" in out
+    assert "fewer than 20 machines, each compared with its own past only" in " ".join(out.split())
     assert hil("fleet", "page", index, "-o", page)[0] == 0
     text = page.read_text(encoding="utf-8")
     assert "fleet, median" in text
