@@ -82,8 +82,9 @@ def identify(
 
     with executor(workers, scheduler) as execute, out.status("looking for runs") as status:
         found = identify_runs(folders, execute, status.update)
-    give(identified=found.new)
-    _finish(found, f"{found.new} runs identified, {found.known} up to date")
+    give(identified=found.new, verdicts=list(found.verdicts))
+    words = f": {', '.join(found.verdicts)}" if found.verdicts else ""
+    _finish(found, f"{found.new} runs identified, {found.known} up to date{words}")
 
 
 def _finish(found: Runs, sentence: str) -> None:

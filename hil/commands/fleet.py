@@ -7,6 +7,7 @@ object storage (``s3://...``) go through fsspec.
 from __future__ import annotations
 
 import hashlib
+from collections import Counter
 from concurrent.futures import BrokenExecutor
 from datetime import UTC, datetime
 from functools import partial
@@ -21,6 +22,7 @@ from hil.least_squares.uncertainty import TWICE
 from hil.optional_packages import needed_for
 from hil.results.deviations import ENOUGH, FIRST, NEWEST, Deviations, Fleet, deviations
 from hil.results.fleet_index import EXTRA, known_keys, model_rows, table_of, write_part
+from hil.results.judgement import WORDS
 from hil.results.model import Model
 from hil.results.model_file import NAME, ModelFile
 from hil.results.tables.changes import changed_table
@@ -52,11 +54,12 @@ class ModelAddress(NamedTuple):
 
 
 class Runs(NamedTuple):
-    """Runs after `index` or `identify_runs`: numbers, and the reasons for leaving runs out."""
+    """Runs after `index` or `identify_runs`: numbers, reasons for leaving runs out, verdicts."""
 
     new: int
     known: int
     left_out: tuple[str, ...]
+    verdicts: tuple[str, ...] = ()
 
 
 def index(
@@ -134,7 +137,7 @@ def identify_runs(
         raise FileError(
             f"{', '.join(map(str, folders))}: no runs below; name folders that contain run folders"
         )
-    known, left_out = 0, []
+    known, left_out, words = 0, [], Counter[str]()
     for n, (run, result) in enumerate(execute(identify_run, runs), start=1):
         if isinstance(result, HilError):
             left_out.append(f"{run}: {result}")
@@ -143,13 +146,15 @@ def identify_runs(
         elif isinstance(result, Exception):
             raise result
         else:
-            known += result
+            known += result[0]
+            words[result[1]] += 1
         progress(f"identified {n} of {len(runs)} runs")
-    return Runs(len(runs) - known - len(left_out), known, tuple(sorted(left_out)))
+    verdicts = tuple(f"{words[word]} {word}" for word in WORDS if words[word])
+    return Runs(len(runs) - known - len(left_out), known, tuple(sorted(left_out)), verdicts)
 
 
-def identify_run(path: Path) -> bool:
-    """Identify a run, and write its model; return whether the present model is up to date."""
+def identify_run(path: Path) -> tuple[bool, str]:
+    """Identify a run, and write its model; return whether it was up to date, and the verdict."""
     # numerics are loaded by the processes that identify
     from hil.results.findings import identify_and_keep, kept  # noqa: PLC0415
     from hil.results.identification import method_for  # noqa: PLC0415
@@ -157,10 +162,11 @@ def identify_run(path: Path) -> bool:
     run = Run.open(path)
     method, _ = method_for(run)
     found = kept(run)
-    if found is not None and found.model.method == method and (path / NAME).exists():
-        return True
-    identify_and_keep(run, method).model.save(path / NAME)
-    return False
+    known = found is not None and found.model.method == method and (path / NAME).exists()
+    if found is None or not known:
+        found = identify_and_keep(run, method)
+        found.model.save(path / NAME)
+    return known, found.model.verdict.word if found.model.verdict else ""
 
 
 def _models(folder: str) -> Iterator[ModelAddress]:

@@ -324,6 +324,9 @@ END_FUNCTION_BLOCK
 """
 AXES_OF_SOFTMOTION = 6
 """Number of members of AXISPOS_REF."""
+_IN_CODESYS = (
+    "In CODESYS, create an object per type, function and block, and paste declaration and body."
+)
 _SOFTMOTION = (
     "Dynamic model of an axis group, for SMC_GroupSetDynamics of CODESYS SoftMotion from 4.13 on.",
     "From the public documentation of CODESYS: interface ISMDynamics of library SM3_Dynamics"
@@ -346,7 +349,7 @@ def write_st(model: Model, origin: tuple[str, ...]) -> Exported:
     used = _operations(found)
     array = "TYPE {}_{} : ARRAY[0..{}] OF LREAL; END_TYPE\n"
     text = "\n".join([
-        st_comment(description(model, origin, found)),
+        st_comment((*description(model, origin, found), "", _IN_CODESYS)),
         array.format(name, "joints", joints - 1) + array.format(name, "matrix", joints**2 - 1),
         *(
             f"FUNCTION {name}_{helper} : LREAL\nVAR_INPUT\n    x : LREAL;\nEND_VAR\n"

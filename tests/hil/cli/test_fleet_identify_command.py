@@ -61,7 +61,7 @@ def test_runs_without_a_model_are_identified_and_others_stay(hil: Hil, plants: P
     (damaged / "run.json").unlink()
     (plants / "a" / "june" / NAME).unlink()
     status, out, _ = hil("fleet", "identify", plants, "--workers", 1)
-    assert (status, "2 runs identified, 1 up to date" in out) == (0, True)
+    assert (status, "2 runs identified, 1 up to date: 3 good" in out) == (0, True)
     assert Model.load(plants / "a" / "june").values == pytest.approx(TRUTH, abs=0.3)
     status, _, err = hil("fleet", "identify", damaged)
     assert (status, "no runs below; name folders that contain run folders" in err) == (1, True)
