@@ -344,6 +344,30 @@ class Battery:
         found: Array = (squares / np.maximum(self._counts, 1.0)[:, None]).max(axis=0)
         return found
 
+    def exceeds_the_rest(self, test: Test) -> bool:
+        """Return True if a change makes more torque than the rest of the later rows, on some axis.
+
+        Model error takes any smooth form, so a smaller change may be part of it.
+        """
+        effect = self._left[:, test.columns] @ test.size
+        rest, effect = self._later_squares(np.column_stack([self._residual - effect, effect])).T
+        return bool((effect > np.maximum(rest, np.finfo(float).tiny)).any())
+
+    def least_change(self, columns: Indices) -> Array:
+        """Return the sizes of columns from which on `exceeds_the_rest` holds."""
+        rows = np.column_stack([self._residual, self._left[:, columns]])
+        rest, *squares = self._later_squares(rows).T
+        shares = np.array(squares) / np.maximum(rest, np.finfo(float).tiny)
+        with np.errstate(divide="ignore"):
+            return np.asarray(shares.max(axis=1) ** -0.5)
+
+    def _later_squares(self, rows: Array) -> Array:
+        """Return sums of squares of the later rows by axis, shape (n_channels, k)."""
+        later = self.evidence.is_later[self._order]
+        found = np.zeros((self.evidence.n_channels, rows.shape[1]))
+        np.add.at(found, self._channel[later], rows[later] ** 2)
+        return found
+
     def outweighed(self, squares: Array, size: Array) -> Array:
         """Return the ratio of the errors of causes at a size to the errors at small sizes.
 

@@ -38,7 +38,7 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Sequence
 
     from hil.arrays import Array
-    from hil.estimation.excluded.alternatives import Explained
+    from hil.estimation.excluded.alternatives import Alternative, Explained
     from hil.estimation.excluded.battery import Test
     from hil.estimation.excluded.causes import Key
     from hil.estimation.excluded.dispersion import Common
@@ -123,7 +123,7 @@ def excluded(
     while len(found) < MOST:
         level = battery.level / max(len(tests) - len(found), 1)
         likely = likeliest(battery, tests, level, partial(possible, robot, evidence))
-        if likely is None:
+        if likely is None or not (evidence.later is None or battery.exceeds_the_rest(likely[1])):
             break
         key, test = likely
         of_gaps = half_gap(robot, key) is not None  # together with all gaps of the axis
@@ -141,7 +141,9 @@ def excluded(
     elif evidence.later is not None:
         stated = tuple(_testable(robot, p, battery, each) for each in stated)
     if evidence.later is not None and not instead.deviates:
-        friction, more = friction_changes(robot, p if both is None else both, evidence)
+        friction, more = friction_changes(
+            robot, p if both is None else both, evidence, every, list(battery.given)
+        )
         # a change of all torques of an axis includes its friction
         explained = {axis for each in causes for axis in each.axes}
         causes = (*causes, *(each for each in friction if not explained & {*each.axes}))
@@ -381,8 +383,14 @@ class _Instead:
         residual = self._explain(self.battery.given).residual
         return bool(self._deviation and self._deviation.significant(self._thin[0], residual))
 
-    def _restores(self, deviation: Deviation, read: Explained) -> bool:
-        """Return True if a reading makes later recordings similar to the earlier ones."""
+    def _restores(self, deviation: Deviation, each: Alternative) -> bool:
+        """Return True if a reading makes later recordings similar to the earlier ones.
+
+        A size must be as significant as that of a column.
+        """
+        read, sized = each.explained, not np.isnan(each.size)
+        if sized and not each.size**2 > chance(1, len(self.tests)) * each.error**2:
+            return False
         left = float((read.left / self._stated.left).min())
         return left <= LEAVES and not deviation.significant(self._thin[0], read.residual)
 
@@ -427,7 +435,7 @@ class _Instead:
         every = [
             (self._gain(each.explained, int(not np.isnan(each.size))), each)
             for each in alternatives(self._stated, self.first.sizes, slipped)
-            if self._deviation is None or self._restores(self._deviation, each.explained)
+            if self._deviation is None or self._restores(self._deviation, each)
         ]
         best = max((gain for gain, _ in every), default=-np.inf)
         if best < (chance(1, len(self.tests)) if self._stated.possible else -TOGETHER):

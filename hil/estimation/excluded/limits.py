@@ -139,6 +139,8 @@ def smallest(battery: Battery, at: Sequence[int], n_tests: int, leaves: float = 
             before, each = each, small * battery.outweighed(squares, each)
             if not (np.abs(each / before - 1.0) > SETTLED).any():
                 break
+        if change:
+            each = np.maximum(each, battery.least_change(columns) + seen)
         if leaves < 1.0:
             each = np.maximum(each, np.sqrt((1.0 / leaves - 1.0) / battery.most(squares)))
         found[np.isin(at, columns)] = np.where(information > 0.0, each, np.inf)
