@@ -357,9 +357,11 @@ class Battery:
         """Return the sizes of columns from which on `exceeds_the_rest` holds."""
         rows = np.column_stack([self._residual, self._left[:, columns]])
         rest, *squares = self._later_squares(rows).T
-        shares = np.array(squares) / np.maximum(rest, np.finfo(float).tiny)
+        # the effect outside the column is part of the rest
+        beside = np.outer(self.elsewhere[columns], self._counts)
+        shares = (np.array(squares) - beside) / np.maximum(rest, np.finfo(float).tiny)
         with np.errstate(divide="ignore"):
-            return np.asarray(shares.max(axis=1) ** -0.5)
+            return np.asarray(np.maximum(shares.max(axis=1), 0.0) ** -0.5)
 
     def _later_squares(self, rows: Array) -> Array:
         """Return sums of squares of the later rows by axis, shape (n_channels, k)."""

@@ -87,8 +87,9 @@ def friction_changes(
             strict=True,
         )
     )  # fmt: skip
-    # the earlier friction is 1; without visible friction no change of it is visible
-    known = special.stdtr(degrees, -1.0 / error) < LEVEL
+    # the earlier friction is 1; without visible friction no change of it is visible, and friction
+    # that would drive the axis is a fault of the model
+    known = (special.stdtr(degrees, -1.0 / error) < LEVEL) & (change > -1.0)
     if len(tests) >= SEVERAL:
         others = ~np.eye(len(tests), dtype=bool)
         precision = np.array([np.sum(1.0 / error[each]) for each in others])

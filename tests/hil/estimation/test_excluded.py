@@ -410,6 +410,44 @@ def test_friction_at_speeds_that_no_two_runs_share_is_not_compared(
     assert "friction" not in {each.cause for each in proof.limits}
 
 
+@pytest.mark.parametrize("seed", [11, 12])
+def test_a_change_within_model_error_is_not_named(
+    robot: Robot, good: FreeRecorded, seed: int
+) -> None:
+    def by(share: float) -> FreeRecorded:
+        p = np.array([TRUTH[head] for head in base_parameters(robot).heads])
+        later = changed(recorded(robot, p, n=2, duration=12.0, seed=seed), unmodelled)
+        return changed(later, lambda _q, tau, _t: tau.__itruediv__([1.0, 1.0 + share]))
+
+    before = changed(good, unmodelled)
+    proof = changed_between(robot, before, by(0.0))
+    (limit,) = (x for x in proof.limits if (x.cause, x.axis) == ("torque constant", 2))
+    assert limit.size is not None
+    named = [changed_between(robot, before, by(k * limit.size / 100.0)).found for k in (0.3, 1.3)]
+    assert [bool(found) for found in named] == [False, True]
+
+
+@pytest.mark.parametrize("seed", [50, 60, 70, 80])
+def test_friction_that_differs_by_less_than_model_error_is_no_change(
+    robot: Robot, seed: int
+) -> None:
+    size = np.array([9.0, 6.0])
+
+    def with_error(q: Array, tau: Array, time: Array) -> None:
+        """Add model error, and friction that grows with the acceleration."""
+        unmodelled(q, tau, time)
+        qd = np.gradient(q[:, 1], time)
+        tau[:, 1] += 0.6 * np.abs(np.gradient(qd, time)) * np.tanh(qd / 0.02)
+
+    def usual(qd: Array) -> Array:
+        return size * np.tanh(qd / 0.05)
+
+    p = np.array([TRUTH[head] for head in base_parameters(robot).heads])
+    before = changed(recorded(robot, p, usual, n=3, seed=5), with_error)
+    after = changed(recorded(robot, p, usual, n=3, pace=0.4, seed=seed), with_error)
+    assert friction_changes_between(robot, before, after) == []
+
+
 def friction_changes_between(robot: Robot, before: FreeRecorded, after: FreeRecorded) -> list[int]:
     """Return the axes, from 1, whose friction is said to have changed."""
     found = changed_between(robot, before, after).found
