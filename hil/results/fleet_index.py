@@ -1,7 +1,7 @@
 """Index of the models of many machines: rows of a model, and Parquet files.
 
 The index is a folder, ``robot=DIGEST/*.parquet``: one row for each run and quantity, a file for
-each call of `hil fleet index` and robot. DuckDB reads the index.
+each call of `hil fleet index` and robot, several for many runs. DuckDB reads the index.
 """
 
 from __future__ import annotations
