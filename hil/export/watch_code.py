@@ -42,11 +42,11 @@ if TYPE_CHECKING:
     from hil.results.watch import Watched
 
 GIVEN = (
-    "Call it once in each period with the time since the last sample [s], positions and torques;",
-    "pass NaN for a missing sample, or leave it out: the next one then comes after two periods.",
-    "An alarm begins at a sample and ends 0.25 s after its last sign. external is the mean torque",
-    "by contact over the window nearest to its threshold, both in N m or N. It is monitoring, not",
-    "a safety function.",
+    "Call it every {:g} s with the time since the last sample [s], positions and torques; pass NaN",
+    "for a missing sample, or leave it out: the next one then comes after two periods. An alarm",
+    "begins at a sample and ends 0.25 s after its last sign. external is the mean torque by",
+    "contact over the window nearest to its threshold, both in N m or N. It is monitoring, not a",
+    "safety function.",
 )
 
 
@@ -75,7 +75,7 @@ def _parts(model: Model, origin: tuple[str, ...], found: Watched) -> _Parts:
         "",
         f"Watch of {model.robot.name}, written by hil export.",
         f"Thresholds of {found.model} (model {model.digest[:12]}), learned by hil watch.",
-        *GIVEN,
+        *(line.format(found.period) for line in GIVEN),
     )
     return _Parts(identifier(model.robot.name), model, head, numbers, arrays)
 

@@ -185,6 +185,13 @@ def test_matiec_compiles_the_text_to_the_same_alarms(
     assert alarms_by_matiec(model, found, recorded(model), tmp_path, learned=learned) == []
 
 
+@pytest.mark.parametrize("language", ["c", "python", "st"])
+def test_the_code_states_the_period_of_its_calls(language: str) -> None:
+    model = model_of("two turns")
+    for text in write_watch(model, language, (), earlier(model, 4.0)).values():
+        assert "Call it every 0.004 s with the time" in text
+
+
 def test_json_has_the_thresholds_with_units_and_constants_that_give_the_same_alarms() -> None:
     model = model_of("two turns")
     found, pushed = earlier(model), recorded(model, 7.0, push=0.5)
