@@ -58,7 +58,7 @@ def cluster(address: str) -> Iterator[Execute[Any, Any]]:
     Raises
     ------
     FileError
-        Dask is not installed, or no scheduler answers.
+        Dask is not installed, or no scheduler answers, or it ended meanwhile.
     """
     try:
         import distributed  # noqa: PLC0415 - an extra
@@ -72,7 +72,13 @@ def cluster(address: str) -> Iterator[Execute[Any, Any]]:
         raise FileError(f"{address}: no Dask scheduler answers: {error}") from error
     with client:
         submit = partial(client.submit, pure=False)
-        yield _executor(submit, distributed.as_completed, distributed.KilledWorker)
+        try:
+            yield _executor(submit, distributed.as_completed, distributed.KilledWorker)
+        except distributed.client.FutureCancelledError as error:
+            raise FileError(
+                f"{address}: the Dask scheduler ended meanwhile; start it, and give the same"
+                " command again"
+            ) from error
 
 
 def _executor(

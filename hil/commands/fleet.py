@@ -17,6 +17,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from checked_files.errors import HilError
+from checked_files.foreign_text import whole_line
 from checked_files.yaml_file import FileError, parse_yaml, read_text
 from hil.least_squares.uncertainty import TWICE
 from hil.optional_packages import needed_for
@@ -41,6 +42,8 @@ if TYPE_CHECKING:
 
 BATCH = 32
 """Models read by a job: a tenth of a second. Single models cost the command 0.2 ms more each."""
+PART = 100 * BATCH
+"""Models in a file of the index: an interrupted call loses at most ten seconds of one process."""
 DRAWN = 12
 """Maximum number of deviations with a panel on the page."""
 
@@ -95,19 +98,25 @@ def index(
     new = [each for each in found if each.key not in known]
     parts: dict[str, list[Any]] = {}
     left_out: list[str] = []
-    read, batches = 0, [new[k : k + BATCH] for k in range(0, len(new), BATCH)]
+    read, unkept = 0, []
+    batches = [new[k : k + BATCH] for k in range(0, len(new), BATCH)]
     for batch, result in execute(read_batch, batches):
         if isinstance(result, Exception):
-            raise result
-        tables, reasons = result
-        left_out += reasons
-        for digest, part in tables.items():
-            parts.setdefault(digest, []).append(part)
+            left_out += [f"{each.address}: {_reason(result)}" for each in batch]
+        else:
+            tables, reasons = result
+            left_out += reasons
+            for digest, part in tables.items():
+                parts.setdefault(digest, []).append(part)
         read += len(batch)
+        unkept += [each.key for each in batch]
+        if read == len(new) or len(unkept) >= PART:
+            name = hashlib.sha256("".join(sorted(unkept)).encode()).hexdigest()[:16]
+            for digest, rows in parts.items():
+                write_part(path, digest, name, rows)
+            parts.clear()
+            unkept.clear()
         progress(f"read {read} of {len(new)} models")
-    name = hashlib.sha256("".join(sorted(each.key for each in new)).encode()).hexdigest()[:16]
-    for digest, tables in parts.items():
-        write_part(path, digest, name, tables)
     return Runs(len(new) - len(left_out), len(found) - len(new), tuple(left_out))
 
 
@@ -139,18 +148,23 @@ def identify_runs(
         )
     known, left_out, words = 0, [], Counter[str]()
     for n, (run, result) in enumerate(execute(identify_run, runs), start=1):
-        if isinstance(result, HilError):
-            left_out.append(f"{run}: {result}")
-        elif isinstance(result, BrokenExecutor):
-            left_out.append(f"{run}: its process ended early; give the same command again")
-        elif isinstance(result, Exception):
-            raise result
+        if isinstance(result, Exception):
+            left_out.append(f"{run}: {_reason(result)}")
         else:
             known += result[0]
             words[result[1]] += 1
         progress(f"identified {n} of {len(runs)} runs")
     verdicts = tuple(f"{words[word]} {word}" for word in WORDS if words[word])
     return Runs(len(runs) - known - len(left_out), known, tuple(sorted(left_out)), verdicts)
+
+
+def _reason(error: Exception) -> str:
+    """Return the reason for leaving out the runs of a failed job; raise an unforeseen error."""
+    if isinstance(error, BrokenExecutor):
+        return "its process ended early; give the same command again"
+    if isinstance(error, HilError):
+        return str(error)
+    raise error
 
 
 def identify_run(path: Path) -> tuple[bool, str]:
@@ -173,8 +187,13 @@ def _models(folder: str) -> Iterator[ModelAddress]:
     """Yield the addresses of all models below a folder."""
     with needed_for(folder, EXTRA):
         import fsspec  # type: ignore[import-untyped]  # noqa: PLC0415 - an extra
-    files, root = fsspec.core.url_to_fs(folder)
-    found = sorted(str(each) for each in files.find(root) if PurePosixPath(each).name == NAME)
+    try:
+        files, root = fsspec.core.url_to_fs(folder)
+        found = sorted(str(each) for each in files.find(root) if PurePosixPath(each).name == NAME)
+    except Exception as error:  # file systems raise errors of their own libraries
+        raise FileError(f"{folder}: cannot be read: {whole_line(str(error))}") from error
+    if root in found:
+        raise FileError(f"{folder}: is a file; name a folder that contains run folders")
     if not found:
         raise FileError(
             f"{folder}: holds no {NAME}; identify its runs first with: hil identify RUN"
@@ -235,23 +254,44 @@ def ask(fleets: dict[str, Fleet], rate: float) -> Outcome:
     changes = [each for found in tested.values() for each in found.changes]
     machines = sorted({each.run for each in changes})
     n = sum(len(fleet.machines) for fleet in fleets.values())
-    text = (
-        f"{len(machines)} of {n} machines with significant deviations: {', '.join(machines[:5])}"
-        + (", ..." if len(machines) > 5 else "")
-        if changes
-        else f"none of {n} machines deviates significantly"
+    compared = sum(found.compared for found in tested.values())
+    few = n - compared
+    of = (
+        f"{compared} comparable machines ({few} more with too few runs)" if few else f"{n} machines"
     )
-    word = "changed" if changes else "unchanged"
+    word, text = "unchanged", f"none of {of} deviates significantly"
+    if changes:
+        more = ", ..." if len(machines) > 5 else ""
+        named = f"{', '.join(machines[:5])}{more}"
+        word, text = "changed", f"{len(machines)} of {of} with significant deviations: {named}"
+    elif not compared:
+        word, text = "doubtful", f"none of {n} machines can be compared: each needs more runs"
     # address of the earlier run within the folder of its machine
     listed = [
         each._replace(against=each.against.rpartition(f"/{each.run}/")[2]) for each in changes
     ]
     return Outcome(
         (_fleets_table(fleets, tested, rate), changed_table(listed, "Deviations", "machine")),
-        verdicts=(Verdict("doubtful" if changes else "good", word, text),),
+        remarks=tuple(_shared_names(fleets)),
+        verdicts=(Verdict("good" if word == "unchanged" else "doubtful", word, text),),
         plots=tuple(_plots(fleets, tested)),
         title="Fleet",
     )
+
+
+def _shared_names(fleets: dict[str, Fleet]) -> Iterator[str]:
+    """Yield remarks on machines with runs in several folders, which may be several machines."""
+    places: dict[str, set[str]] = {}
+    for fleet in fleets.values():
+        for k, run in zip(fleet.machine.tolist(), fleet.runs.tolist(), strict=True):
+            name = fleet.machines[k]
+            places.setdefault(name, set()).add(run.rpartition(f"/{name}/")[0])
+    for name, folders in places.items():
+        if len(folders) > 1:
+            yield (
+                f"machine {name}: runs below {' and '.join(sorted(folders))} count as one machine;"
+                " rename a folder if they are several, and write the index anew"
+            )
 
 
 def _fleets_table(fleets: dict[str, Fleet], tested: dict[str, Deviations], rate: float) -> Table:

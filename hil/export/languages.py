@@ -21,7 +21,7 @@ from hil.export.functions import MEMORY, PARTS, functions, stateful_dynamics
 from hil.export.source_code import Syntax, assignments, description, identifier, remarks
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable
+    from collections.abc import Iterable, Iterator
 
     from hil.export.functions import Function
     from hil.results.model import Model
@@ -390,14 +390,16 @@ def st_block(name: str, function: Function, joints: int) -> str:
     size = len(values) // len(results)
     kind = st_type(name, joints, size)
     places = [f"{each}[{k}]" for each in results for k in range(size)]
-    lines = [f"{each} := {value};" for each, value in named.items()]
-    lines += [f"{each} := {value};" for each, value in zip(places, values, strict=True)]
+    stated = (*named.items(), *zip(places, values, strict=True))
+    lines = [f"{each} := {value};" for each, value in stated]
     names = list(named)
     rows = (names[k : k + 12] for k in range(0, len(names), 12))
     declared = [f"{', '.join(row)} : LREAL;" for row in rows]
     if kept:
-        begin = ["IF first THEN", "    before := q;", "    first := FALSE;", "END_IF;"]
-        lines = [*begin, *lines, "before := q;"]
+        known = " AND ".join(f"(ABS(q[{k}]) >= LREAL#0.0)" for k in range(size))
+        begin = ["IF first THEN", "    before := q;", f"    first := NOT ({known});", "END_IF;"]
+        first = len(lines) - size * len(kept[1:])
+        lines = [*begin, *lines[:first], *_memory(lines[first:], size)]
         declared = [*(f"{each} : {kind};" for each in kept), "first : BOOL := TRUE;", *declared]
     inputs = [f"{each} : {name}_joints;" for each in function.arguments if each not in kept]
     outputs = [f"{each} : {kind};" for each in results[: len(PARTS)]]
@@ -408,6 +410,17 @@ def st_block(name: str, function: Function, joints: int) -> str:
         f"{st_variables('VAR', declared) if declared else ''}"
         f"{indented(lines)}\nEND_FUNCTION_BLOCK\n"
     )
+
+
+def _memory(directions: list[str], size: int) -> Iterator[str]:
+    """Yield assignments to `MEMORY`, axis by axis, without those from a position that is NaN."""
+    for k in range(size):
+        yield f"IF ABS(q[{k}] - before[{k}]) >= LREAL#0.0 THEN"
+        yield from (f"    {each}" for each in directions[k::size])
+        yield "END_IF;"
+        yield f"IF ABS(q[{k}]) >= LREAL#0.0 THEN"
+        yield f"    before[{k}] := q[{k}];"
+        yield "END_IF;"
 
 
 def st_type(name: str, joints: int, size: int) -> str:

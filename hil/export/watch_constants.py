@@ -126,6 +126,7 @@ OUTPUTS = {"external": "float", "threshold": "float", "alarm": "bool"}
 """Fields of the state for the user: torque [N m or N], its threshold, and alarms."""
 STATE: dict[str, Field] = {
     **{name: Field(kind, _AXIS) for name, kind in OUTPUTS.items()},
+    "lost": Field("float"),
     **dict.fromkeys(("held", "since", "newest", "latest", "moved", "in_block"), Field("int")),
     **dict.fromkeys(
         (

@@ -35,20 +35,27 @@ def start_watch(c: Any, s: Any, learned: bool) -> None:
 
 
 def watch_sample(c: Any, s: Any, elapsed: float, q: Any, tau: Any) -> None:
-    """Process a sample of the axes, `elapsed` [s] after the previous sample."""
-    if elapsed > c.gap * c.period:
-        s.held = 0
-        s.since = 0
+    """Process a sample, `elapsed` [s] after the previous sample; NaN is a missing sample."""
+    s.lost += elapsed
+    there: bool = True
     for j in range(c.joints):
-        s.quiet[j] += elapsed
-    if s.held == 2:
-        judge_sample(c, s, q)
-    for j in range(c.joints):
-        s.before[j] = s.now[j]
-        s.now[j] = q[j]
-        s.measured[j] = tau[j]
-    if s.held < 2:
-        s.held += 1
+        if not (abs(q[j]) < c.blind and abs(tau[j]) < c.blind):
+            there = False
+    if there:
+        if s.lost > c.gap * c.period:
+            s.held = 0
+            s.since = 0
+        for j in range(c.joints):
+            s.quiet[j] += s.lost
+        s.lost = 0.0
+        if s.held == 2:
+            judge_sample(c, s, q)
+        for j in range(c.joints):
+            s.before[j] = s.now[j]
+            s.now[j] = q[j]
+            s.measured[j] = tau[j]
+        if s.held < 2:
+            s.held += 1
 
 
 def judge_sample(c: Any, s: Any, q: Any) -> None:

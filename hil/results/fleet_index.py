@@ -1,13 +1,13 @@
 """Index of the models of many machines: rows of a model, and Parquet files.
 
 The index is a folder, ``robot=DIGEST/*.parquet``: one row for each run and quantity, a file for
-each call of `hil fleet index` and robot. DuckDB reads the index.
+each call of `hil fleet index` and robot, several for many runs. DuckDB reads the index.
 """
 
 from __future__ import annotations
 
 import math
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from datetime import UTC, datetime
 from typing import TYPE_CHECKING, Any, get_args
 
@@ -37,12 +37,18 @@ FIELDS = {
 }  # fmt: skip
 """Columns of the index. `key` is the state of the file, `time` in seconds since 1970."""
 FILLED_IN = (
-    "machine", "run", "time", "quantity", "kind", "unit", "meaning", "value", "standard_error",
-    "degrees", "allowance", "indexed",
+    "machine", "run", "digest", "time", "quantity", "kind", "unit", "meaning", "value",
+    "standard_error", "degrees", "allowance", "indexed",
 )  # fmt: skip
 """Columns without missing values."""
+COPIED_ONCE = """(SELECT rows.* REPLACE (place AS run) FROM rows JOIN (
+    SELECT machine, time, digest, arg_max(run, indexed) AS place FROM rows GROUP BY ALL
+) USING (machine, time, digest))"""
+"""Rows in which copies of a model have the address of the copy that was indexed last."""
 LAST = 253_402_300_799
 """End of the year 9999 in seconds since 1970."""
+ZONES = 86_400.0
+"""Largest difference between local times and time zones, rounded up to a day [s]."""
 ROW, MOST = 1000, 2_000_000_000
 """Maximum memory of a row while an index is read, and of all rows: a fleet of 1000 machines with
 monthly runs of three years has 1.4 million rows (`benchmarks/fleet.py`) [bytes]."""
@@ -51,9 +57,15 @@ monthly runs of three years has 1.4 million rows (`benchmarks/fleet.py`) [bytes]
 def model_rows(
     found: Model, machine: str, run: str, key: str, digest: str
 ) -> list[tuple[Any, ...]]:
-    """Return a row for every identified quantity of a model, in the order of `FIELDS`."""
+    """Return a row for every identified quantity of a model, in the order of `FIELDS`.
+
+    Raises
+    ------
+    FileError
+        An impossible date.
+    """
     about, causes = found.provenance, found.excluded
-    time = datetime.fromisoformat(about.measured or about.identified).timestamp()
+    time = _time(about.measured or about.identified, run)
     head = (
         about.robot, machine, run, key, digest, time, found.method,
         "" if found.verdict is None else found.verdict.word,
@@ -74,6 +86,19 @@ def model_rows(
             read.value, read.standard_error, read.degrees, read.allowance, warmth, indexed,
         ))  # fmt: skip
     return rows
+
+
+def _time(measured: str, run: str) -> float:
+    """Return a date in seconds since 1970; refuse an impossible one, which would misorder runs."""
+    time, now = math.nan, datetime.now(UTC)
+    with suppress(ValueError, OverflowError):
+        time = datetime.fromisoformat(measured).timestamp()
+    if not 0.0 <= time <= now.timestamp() + ZONES:
+        raise FileError(
+            f"{run}: measured {measured[:40]!r} must be a date from 1970 to now"
+            f" ({now.date()}); check the clocks of both computers, and correct the date in the file"
+        )
+    return time
 
 
 def table_of(rows: Sequence[tuple[Any, ...]]) -> Any:
@@ -171,7 +196,7 @@ def _fleet(part: Path) -> Fleet:
             " known kind, and a time from 1970 to 9999; write the index anew with hil fleet index"
         )
     runs = _select(
-        part, "DISTINCT machine, time, run FROM rows ORDER BY machine, time, run"
+        part, f"DISTINCT machine, time, run FROM {COPIED_ONCE} ORDER BY machine, time, run"
     ).fetchnumpy()
     kinds = _select(
         part,
@@ -189,7 +214,7 @@ def _fleet(part: Path) -> Fleet:
         part,
         "dense_rank() OVER (ORDER BY machine, time, run) - 1 AS r,"
         " dense_rank() OVER (ORDER BY quantity) - 1 AS q,"
-        " value, standard_error, degrees, allowance FROM rows ORDER BY indexed",
+        f" value, standard_error, degrees, allowance FROM {COPIED_ONCE} ORDER BY indexed",
     ).fetchnumpy()
     machines, machine = np.unique(np.asarray(runs["machine"], dtype=str), return_inverse=True)
     arrays = []

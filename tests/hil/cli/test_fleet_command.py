@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import json
+import shutil
+from concurrent.futures import BrokenExecutor
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
@@ -11,11 +13,12 @@ import pytest
 from free_run import arm
 from stated_model import stated_model
 
+from hil.commands.fleet import index as index_models
 from hil.results import fleet_index
 from hil.results.fleet_index import read_fleets
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
+    from collections.abc import Callable, Iterable, Iterator
     from pathlib import Path
 
     from command_line import Hil
@@ -134,6 +137,112 @@ def test_a_damaged_model_is_left_out_with_its_reason(
     assert status != 0
     assert "5 runs added" in out + err
     assert "left out: " in out + err
+
+
+@pytest.mark.parametrize("date", ["yesterday", "1901-01-01T00:00:00Z", "2999-01-01T00:00:00Z"])
+def test_a_model_of_an_impossible_date_is_left_out_with_its_date(
+    hil: Hil, plants: Path, tmp_path: Path, date: str
+) -> None:
+    model = plants / "a" / "run-1" / "model.yaml"
+    model.write_text(model.read_text("utf-8").replace("2026-01-01T08:00:00+00:00", date), "utf-8")
+    status, out, _ = hil("fleet", "index", plants, "-o", tmp_path / "fleet.parquet")
+    assert (status, "5 runs added" in out) == (3, True)
+    said = " ".join(out.split())
+    assert f"{model.parent}: measured '{date}' must be a date from 1970 to now" in said
+    assert hil("fleet", "query", tmp_path / "fleet.parquet")[0] == 0
+
+
+def test_a_folder_s_copy_under_another_path_counts_once(
+    hil: Hil, plants: Path, tmp_path: Path
+) -> None:
+    index = tmp_path / "fleet.parquet"
+    hil("fleet", "index", plants, "-o", index)
+    shutil.copytree(plants, tmp_path / "moved" / "plants")
+    hil("fleet", "index", tmp_path / "moved" / "plants", "-o", index)
+    again = tmp_path / "moved" / "plants" / "b" / "run-3" / "model.yaml"
+    again.write_text(f"{again.read_text('utf-8')}\n", "utf-8")
+    hil("fleet", "index", tmp_path / "moved" / "plants", "-o", index)
+    (fleet,) = read_fleets(index).values()
+    assert (fleet.machines, len(fleet.machine)) == (("a", "b"), 6)
+    assert "1 of 2 machines with significant deviations: b" in hil("fleet", "query", index)[1]
+
+
+def test_machines_of_one_name_in_two_folders_are_stated(
+    hil: Hil, plants: Path, tmp_path: Path
+) -> None:
+    index, other = tmp_path / "fleet.parquet", tmp_path / "plant-2"
+    shutil.copytree(plants / "b" / "run-3", other / "b" / "run-9")
+    model = other / "b" / "run-9" / "model.yaml"
+    model.write_text(model.read_text("utf-8").replace("2026-03", "2026-04"), "utf-8")
+    hil("fleet", "index", plants, other, "-o", index)
+    said = " ".join(hil("fleet", "query", index)[1].split())
+    assert f"machine b: runs below {other} and {plants} count as one machine; rename" in said
+    assert "machine a:" not in said
+
+
+def test_machines_with_a_single_run_are_not_called_unchanged(
+    hil: Hil, plants: Path, tmp_path: Path
+) -> None:
+    index = tmp_path / "fleet.parquet"
+    shutil.rmtree(plants / "a" / "run-1")
+    shutil.rmtree(plants / "a" / "run-2")
+    hil("fleet", "index", plants / "a", "-o", index)
+    status, out, _ = hil("fleet", "query", index, "--json")
+    found = json.loads(out)["judgement"]
+    assert (status, found["word"]) == (0, "doubtful")
+    assert "none of 1 machines can be compared" in found["text"]
+    hil("fleet", "index", plants / "b", "-o", index)
+    out = hil("fleet", "query", index)[1]
+    assert "1 of 1 comparable machines (1 more with too few runs) with significant" in out
+
+
+def execute_in_turn(
+    results: Callable[[Any], Any],
+) -> Callable[[Callable[..., Any], Iterable[Any]], Iterator[Any]]:
+    """Return an executor in this process; `results` changes the result of each job."""
+    return lambda function, jobs: ((job, results(function(job))) for job in jobs)
+
+
+def test_an_interrupted_index_keeps_what_it_has_read(
+    plants: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    for name, models in (("BATCH", 2), ("PART", 4)):
+        monkeypatch.setattr(f"hil.commands.fleet.{name}", models)
+
+    def interrupt(sentence: str) -> None:
+        if sentence == "read 4 of 6 models":
+            raise SystemExit  # a killed process keeps what is on the disk
+
+    with pytest.raises(SystemExit):
+        index_models(
+            [str(plants)], tmp_path / "fleet.parquet", execute_in_turn(lambda x: x), interrupt
+        )
+    found = index_models(
+        [str(plants)], tmp_path / "fleet.parquet", execute_in_turn(lambda x: x), str
+    )
+    assert (found.new, found.known) == (2, 4)
+
+
+def test_models_whose_process_ended_are_left_out_of_an_index(plants: Path, tmp_path: Path) -> None:
+    ended = execute_in_turn(lambda _: BrokenExecutor("killed"))
+    found = index_models([str(plants)], tmp_path / "fleet.parquet", ended, str)
+    assert (found.new, len(found.left_out)) == (0, 6)
+    assert "its process ended early; give the same command again" in found.left_out[0]
+
+
+@pytest.mark.parametrize(
+    ("folder", "why"),
+    [
+        ("unknown://bucket/plant", "cannot be read: Protocol not known: unknown"),
+        ("{}/a/run-1/model.yaml", "is a file; name a folder"),
+    ],
+)
+def test_what_is_no_folder_is_refused_with_its_address(
+    hil: Hil, plants: Path, tmp_path: Path, folder: str, why: str
+) -> None:
+    status, _, err = hil("fleet", "index", folder.format(plants), "-o", tmp_path / "fleet.parquet")
+    assert status == 1
+    assert f"{folder.format(plants)}: {why}" in " ".join(err.split())
 
 
 def test_a_folder_without_models_and_an_index_that_is_none_are_refused(

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 import pytest
 from free_run import TRUTH, arm, recorded, write_free_run
 
+from checked_files.yaml_file import FileError
 from hil import execution
 from hil.commands.fleet import identify_runs
 from hil.results.model import Model
@@ -93,3 +94,21 @@ def test_a_cluster_finds_the_same_and_a_killed_worker_loses_nothing(plants: Path
     assert (found.new + found.known, found.left_out) == (3, ())
     assert models(plants) == expected
     assert stated[-1] == "identified 3 of 3 runs"
+
+
+@pytest.mark.long  # processes begin and end
+def test_a_scheduler_that_ends_meanwhile_is_named(plants: Path) -> None:
+    distributed = pytest.importorskip("distributed")
+    with distributed.LocalCluster(
+        n_workers=1, threads_per_worker=1, processes=True, dashboard_address=":0"
+    ) as cluster:
+
+        def end_it(sentence: str) -> None:
+            if sentence == "identified 1 of 3 runs":
+                cluster.close()
+
+        with (
+            pytest.raises(FileError, match="the Dask scheduler ended meanwhile; start it"),
+            execution.cluster(cluster.scheduler_address) as execute,
+        ):
+            identify_runs([plants], execute, end_it)

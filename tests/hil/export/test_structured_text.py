@@ -141,18 +141,34 @@ def test_matiec_compiles_the_text_to_the_same_torques(kind: str, tmp_path: Path)
     assert close(torque, model.torque(*along))
 
 
+def outputs_along(model: Model, *samples: Array) -> Array:
+    """Return the outputs of the block with memory, sample by sample, for each of `PARTS`."""
+    name = identifier(model.robot.name)
+    unit = Parser(files(model)[f"{name}_dynamics.st"]).units[f"{name}_dynamics".upper()]
+    values, rows = unit.start(), []
+    for sample in zip(*samples, strict=True):
+        kept = unit.call(values, *map(list, sample))
+        rows.append([list(kept[each.upper()]) for each in PARTS])
+    return np.moveaxis(np.array(rows, dtype=float), 1, 0)
+
+
+@pytest.mark.parametrize("lost", [0, 100])
+def test_a_sample_without_a_position_leaves_the_memory_of_the_block_alone(lost: int) -> None:
+    model = model_of("SCARA")
+    q, qd, qdd = motion(model, 200)
+    wanted = outputs_along(model, *(np.delete(each, lost, axis=0) for each in (q, qd, qdd)))
+    q[lost] = np.nan
+    found = outputs_along(model, q, qd, qdd)
+    assert np.isnan(found[-1, lost]).all()
+    assert close(np.delete(found, lost, axis=1), wanted)
+
+
 @each_robot
 def test_along_a_motion_the_block_remembers_the_direction_of_friction(kind: str) -> None:
     model = model_of(kind)
     q, qd, qdd = motion(model)
     assert are_successive(q, qd)
-    name = identifier(model.robot.name)
-    unit = Parser(files(model)[f"{name}_dynamics.st"]).units[f"{name}_dynamics".upper()]
-    values, rows = unit.start(), []
-    for sample in zip(q, qd, qdd, strict=True):
-        kept = unit.call(values, *map(list, sample))
-        rows.append([list(kept[each.upper()]) for each in PARTS])
-    gravity, rigid, friction, torque = np.moveaxis(np.array(rows, dtype=float), 1, 0)
+    gravity, rigid, friction, torque = outputs_along(model, q, qd, qdd)
     assert close(torque, model.torque(q, qd, qdd))
     assert close(friction, model.predict(q, qd, qdd, parts=["friction"]))
     assert close(rigid, model.predict(q, qd, qdd, parts=["rigid bodies"]))
