@@ -43,10 +43,10 @@ if TYPE_CHECKING:
 
 GIVEN = (
     "Call it every {:g} ms, the period of that watch; at another period velocities are wrong.",
-    "It takes the time since the last sample [s], positions and measured torques, joint side; pass",
-    "NaN for a missing sample, or leave it out: the next one then comes after two periods. An alarm",
-    "begins at a sample and ends 0.25 s after its last sign. external is the mean torque by",
-    "contact over the window nearest to its threshold, both in N m or N. It is monitoring, not a",
+    "It takes the time since the last sample [s], positions and measured torques, joint side.",
+    "Pass NaN for a missing sample, or leave it out: the next one then comes after two periods.",
+    "An alarm begins at a sample and ends 0.25 s after its last sign. external is the mean torque",
+    "by contact over the window nearest to its threshold, both in N m or N. It is monitoring, no",
     "safety function.",
 )
 

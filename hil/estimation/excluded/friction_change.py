@@ -37,7 +37,6 @@ from hil.least_squares.solving import orthonormal
 if TYPE_CHECKING:
     from hil.arrays import Array
     from hil.estimation.excluded.evidence import Evidence
-    from hil.model.robot import Robot
 
 FRICTION = "friction"
 SEVERAL = 3
@@ -50,7 +49,7 @@ SAME = 1e-6
 
 
 def friction_changes(
-    robot: Robot, p: Array, evidence: Evidence, every: Columns, given: list[int]
+    p: Array, evidence: Evidence, every: Columns, given: list[int]
 ) -> tuple[tuple[Found, ...], tuple[Limit, ...]]:
     """Return axes with changed friction, and the smallest detectable changes by axis.
 

@@ -322,11 +322,11 @@ def test_a_change_is_no_part_of_the_model_by_which_its_size_is_stated(
     columns: list[Array] = []
     friction: list[Array] = []
 
-    def noted(used: list[Array], test: Any) -> Any:
-        return lambda robot, p, *given, **more: used.append(p) or test(robot, p, *given, **more)
+    def noted(used: list[Array], test: Any, place: int) -> Any:
+        return lambda *given, **more: used.append(given[place]) or test(*given, **more)
 
-    monkeypatch.setattr(proof, "excluded", noted(columns, excluded))
-    monkeypatch.setattr(finding, "friction_changes", noted(friction, finding.friction_changes))
+    monkeypatch.setattr(proof, "excluded", noted(columns, excluded, 1))
+    monkeypatch.setattr(finding, "friction_changes", noted(friction, finding.friction_changes, 0))
     for degrees in (0.0, 1.0):
         angle = np.array([0.0, np.radians(degrees)])
         later = changed(heavier(robot, 0.0), lambda q, _tau, _t, angle=angle: q.__isub__(angle))
@@ -414,16 +414,18 @@ def test_friction_at_speeds_that_no_two_runs_share_is_not_compared(
 def test_a_change_within_model_error_is_not_named(
     robot: Robot, good: FreeRecorded, seed: int
 ) -> None:
-    def by(share: float) -> FreeRecorded:
+    def scaled(share: float) -> FreeRecorded:
         p = np.array([TRUTH[head] for head in base_parameters(robot).heads])
         later = changed(recorded(robot, p, n=2, duration=12.0, seed=seed), unmodelled)
         return changed(later, lambda _q, tau, _t: tau.__itruediv__([1.0, 1.0 + share]))
 
     before = changed(good, unmodelled)
-    proof = changed_between(robot, before, by(0.0))
+    proof = changed_between(robot, before, scaled(0.0))
     (limit,) = (x for x in proof.limits if (x.cause, x.axis) == ("torque constant", 2))
     assert limit.size is not None
-    named = [changed_between(robot, before, by(k * limit.size / 100.0)).found for k in (0.3, 1.3)]
+    named = [
+        changed_between(robot, before, scaled(k * limit.size / 100.0)).found for k in (0.3, 1.3)
+    ]
     assert [bool(found) for found in named] == [False, True]
 
 
@@ -433,7 +435,7 @@ def test_friction_that_differs_by_less_than_model_error_is_no_change(
 ) -> None:
     size = np.array([9.0, 6.0])
 
-    def with_error(q: Array, tau: Array, time: Array) -> None:
+    def disturb(q: Array, tau: Array, time: Array) -> None:
         """Add model error, and friction that grows with the acceleration."""
         unmodelled(q, tau, time)
         qd = np.gradient(q[:, 1], time)
@@ -443,8 +445,8 @@ def test_friction_that_differs_by_less_than_model_error_is_no_change(
         return size * np.tanh(qd / 0.05)
 
     p = np.array([TRUTH[head] for head in base_parameters(robot).heads])
-    before = changed(recorded(robot, p, usual, n=3, seed=5), with_error)
-    after = changed(recorded(robot, p, usual, n=3, pace=0.4, seed=seed), with_error)
+    before = changed(recorded(robot, p, usual, n=3, seed=5), disturb)
+    after = changed(recorded(robot, p, usual, n=3, pace=0.4, seed=seed), disturb)
     assert friction_changes_between(robot, before, after) == []
 
 
