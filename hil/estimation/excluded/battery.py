@@ -98,6 +98,9 @@ SPAN = 1e-4
 column is within their span. Columns use the smoothed motion, columns of base parameters are
 smoothed themselves. The two differ by some 1e-3; an amplitude of less than ten times that shows
 nothing."""
+ANOTHER_SHAPE = 0.25
+"""Share x of a change's square outside its column, such as changed Coulomb friction where the column
+is 1 % of all friction. It counts as rest, so a size s must obey (1 - x) s^2 > rest + x s^2."""
 NOTHING = 1e-10
 """Largest root mean square of a column of rounding errors, relative to the largest column."""
 
@@ -354,14 +357,15 @@ class Battery:
         return bool((effect > np.maximum(rest, np.finfo(float).tiny)).any())
 
     def least_change(self, columns: Indices) -> Array:
-        """Return the sizes of columns from which on `exceeds_the_rest` holds."""
+        """Return the sizes from which on `exceeds_the_rest` holds, also for `ANOTHER_SHAPE`."""
         rows = np.column_stack([self._residual, self._left[:, columns]])
         rest, *squares = self._later_squares(rows).T
         # the effect outside the column is part of the rest
         beside = np.outer(self.elsewhere[columns], self._counts)
         shares = (np.array(squares) - beside) / np.maximum(rest, np.finfo(float).tiny)
         with np.errstate(divide="ignore"):
-            return np.asarray(np.maximum(shares.max(axis=1), 0.0) ** -0.5)
+            size = np.maximum(shares.max(axis=1), 0.0) ** -0.5
+        return np.asarray(size / np.sqrt(1.0 - 2.0 * ANOTHER_SHAPE))
 
     def _later_squares(self, rows: Array) -> Array:
         """Return sums of squares of the later rows by axis, shape (n_channels, k)."""

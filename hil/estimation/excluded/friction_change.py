@@ -86,6 +86,7 @@ def friction_changes(
             strict=True,
         )
     )  # fmt: skip
+    raw = change
     # the earlier friction is 1; without visible friction no change of it is visible, and friction
     # that would drive the axis is a fault of the model
     known = (special.stdtr(degrees, -1.0 / error) < LEVEL) & (change > -1.0)
@@ -98,7 +99,8 @@ def friction_changes(
     level = LEVEL / FAMILIES / len(tests)
     need = [np.sqrt(noncentrality(1, max(math.floor(each), 1), level)) for each in degrees]
     least = 0.01 * battery.least_change(np.array([k for k, _ in tests]))
-    size = np.maximum(need * error, least) + np.abs(change)  # as in `limits`
+    # as in `limits`; beside the rest, the change counts as a whole
+    size = np.maximum(need * error + np.abs(change), least + np.abs(raw))
     large = [battery.exceeds_the_rest(test) for _, test in tests]
     cause = CAUSES[FRICTION]
     if len(tests) < SEVERAL:
