@@ -9,7 +9,7 @@ import hil
 from hil.friction.law import AxisLaw, FrictionLaw, TermValue
 from hil.results.model import Model
 from hil.runs.run import Run
-from hil.simulation.arm import Arm, Drive
+from hil.simulation.arm import Arm, Drive, Start
 
 PERIOD = 0.005
 
@@ -29,5 +29,5 @@ def carriage_run() -> Run:
     time, none = np.arange(0.0, 2.2, PERIOD), np.zeros(1)
     force = 15.0 * np.sin(2 * np.pi * np.maximum(time - 0.2, 0.0))[:, None]
     drive = Drive(time, force, 0.0 * force, none, none)
-    q = Arm(carriage()).run(none, none, time, drive, lambda *_: False)
+    (q,) = Arm(carriage()).run([Start(none, none, time, lambda *_: False)], drive)
     return hil.Run.import_arrays(hil.Robot.load("emps"), time, q, force, accept=["friction"])
