@@ -221,6 +221,8 @@ class Arm:
     friction : {"law", "plain", "exported"}
         Friction law; its Coulomb, viscous and offset terms alone (`AxisLaw.plain`); or Coulomb and
         viscous friction as exported to simulators (`hil.export.simple_friction`), with the offset.
+    step : float, optional
+        Longest step [s]; `STEP` by default.
 
     Raises
     ------
@@ -228,7 +230,8 @@ class Arm:
         The mass matrix is not positive definite.
     """
 
-    def __init__(self, model: Model, friction: Friction = "law") -> None:
+    def __init__(self, model: Model, friction: Friction = "law", step: float | None = None) -> None:
+        self._step = STEP if step is None else step
         self._model, self._robot, n = model, model.robot, model.robot.n_joints
         self._laws = _Laws(model, friction)
         self._rotors = motor_inertia(model.robot, np.zeros(n))
@@ -253,6 +256,17 @@ class Arm:
         found = inverse_dynamics(self._robot, self._model.values, at, speeds, accelerations)
         mass = found[:, 2:] - found[:, 1, None]
         return (mass + mass.swapaxes(1, 2)) / 2 + self._rotors, found[:, 0]
+
+    def slopes(self, q: Array, qd: Array) -> Array:
+        """Return the derivatives of friction by velocities, (lanes, n, n) [N m s/rad, N s/m]."""
+        speeds = self._laws.speed * SLOWEST * np.array([[[1.0]], [[-1.0]]]) + qd
+        side, none = np.where(qd < 0, -1.0, 1.0), np.zeros_like(q)
+        ends = [
+            other + side * level
+            for other, level in (self._laws.evaluate(q, each, side, none) for each in speeds)
+        ]
+        slope = (ends[0] - ends[1]) / (speeds[0] - speeds[1])
+        return np.asarray(slope[..., None] * np.eye(q.shape[1]) + self._viscous)
 
     def _forces(self, state: State, tau: Array, load: Array) -> tuple[Array, Array, Array, Array]:
         """Return mass matrices, accelerating torques, friction bounds, and biases.
@@ -328,7 +342,7 @@ class Arm:
         ).any():
             lanes, state, k = lanes[going], state.take(going), k + 1
             begin, end = np.array([starts[lane].time[k - 1 : k + 1] for lane in lanes]).T
-            n = steps_in(float((end - begin).max()), rate)
+            n = steps_in(float((end - begin).max()), rate, self._step)
             h = (end - begin) / n
             for part in range(n):
                 state = self.step(state, begin + part * h, h, drive)
@@ -422,9 +436,9 @@ class Arm:
         return float(np.maximum(lightest * slopes, np.sqrt(lightest * drive.kp)).max())
 
 
-def steps_in(period: float, rate: float) -> int:
-    """Return the number of steps for a period between samples."""
-    longest = min(STEP, FASTEST / max(rate, 1e-9))
+def steps_in(period: float, rate: float, step: float) -> int:
+    """Return the number of steps for a period between samples, each at most `step` [s]."""
+    longest = min(step, FASTEST / max(rate, 1e-9))
     return int(np.clip(np.ceil(period / longest - 1e-6), 1, MOST_STEPS))
 
 

@@ -29,15 +29,14 @@ from hil.show.table import figures, table
 from hil.simulation.arm import Arm, Drive, Start
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+    from collections.abc import Callable, Iterator, Mapping, Sequence
     from pathlib import Path
 
     from hil.arrays import Array, Indices
     from hil.model.robot import Robot
     from hil.planning.measurement import RecordedMotion
     from hil.results.model import Model
-    from hil.runs.recording import Recording
-    from hil.runs.recording_file import Measured
+    from hil.runs.recording import Recorded, Recording
     from hil.runs.run import Run
     from hil.show.table import Table
     from hil.simulation.arm import Friction
@@ -286,7 +285,8 @@ def replay(
         friction = friction or "law"
         arm = Arm(model, friction)
     with named(run):
-        lanes = Lanes.create(run, model, controller, restart, progress)
+        recorded = ((each.measurement, each.recording) for each in run)
+        lanes = Lanes.create(recorded, model, controller, restart, progress)
     found = lanes.simulated(arm)
     drives = "recorded torques" if controller is None else "positions held by a PD controller"
     often = "" if restart is None else f", restarted every {restart:g} s"
@@ -317,7 +317,7 @@ class Lanes:
     @classmethod
     def create(
         cls,
-        run: Iterable[Measured],
+        recorded: Recorded,
         model: Model,
         controller: Controller | None = None,
         restart: float | None = None,
@@ -330,23 +330,23 @@ class Lanes:
         NotEnoughData
             No recording is long enough.
         """
-        starts, drives, recorded, owners = [], [], [], []
+        starts, drives, scored, owners = [], [], [], []
         end = 0.0
-        for each in run:
-            progress(each.measurement.id)
-            recording = convert_torques(model, each.measurement, each.recording)
+        for motion, each in recorded:
+            progress(motion.id)
+            recording = convert_torques(model, motion, each)
             stretches = list(_stretches(recording, restart))
             if not stretches:
                 continue
-            drive = _drive(model, each.measurement, recording, controller)
+            drive = _drive(model, motion, recording, controller)
             shift = end - float(drive.time[0])
             drives.append(replace(drive, time=drive.time + shift))
             end = float(drives[-1].time[-1]) + 1.0
             for stretch in stretches:
                 q = recording.q[stretch]
                 starts.append(_start(model, recording.time[stretch] + shift, q))
-                recorded.append(q[INITIAL:])
-                owners.append((each.measurement.id, shift))
+                scored.append(q[INITIAL:])
+                owners.append((motion.id, shift))
         if not starts:
             raise NotEnoughData(
                 f"no recording has {2 * INITIAL} samples without a gap, which a simulation needs;"
@@ -357,7 +357,17 @@ class Lanes:
             for name in ("time", "torque", "wanted")
         )
         whole = replace(drives[0], time=time, torque=torque, wanted=wanted)
-        return cls(tuple(starts), whole, tuple(recorded), tuple(owners))
+        return cls(tuple(starts), whole, tuple(scored), tuple(owners))
+
+    def thinned(self, most: int) -> Lanes:
+        """Return at most so many stretches, evenly spread."""
+        n = len(self.starts)
+        taken = np.arange(n) if n <= most else np.linspace(0, n - 1, most).round().astype(int)
+        rows = zip(self.starts, self.recorded, self.owners, strict=True)
+        starts, recorded, owners = zip(
+            *(row for k, row in enumerate(rows) if k in set(taken.tolist())), strict=True
+        )
+        return replace(self, starts=starts, recorded=recorded, owners=owners)
 
     def simulated(self, arm: Simulator) -> tuple[Replayed, ...]:
         """Simulate all stretches; those of one measurement are joined."""
