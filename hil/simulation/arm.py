@@ -257,6 +257,11 @@ class Arm:
         mass = found[:, 2:] - found[:, 1, None]
         return (mass + mass.swapaxes(1, 2)) / 2 + self._rotors, found[:, 0]
 
+    def levels(self, q: Array) -> Array:
+        """Return the level of friction at the beginning of a motion without load, (lanes, n)."""
+        none = np.zeros_like(q)
+        return self._laws.evaluate(q, none, none + 1.0, none)[1]
+
     def slopes(self, q: Array, qd: Array) -> Array:
         """Return the derivatives of friction by velocities, (lanes, n, n) [N m s/rad, N s/m]."""
         speeds = self._laws.speed * SLOWEST * np.array([[[1.0]], [[-1.0]]]) + qd

@@ -11,12 +11,15 @@ with C, K the derivatives of the torque by velocities and positions, and S the r
 columns of friction. Axes at rest stay there. So sensitivities cost as much as one simulation,
 whatever the number of parameters.
 
+At a reversal of axis i its acceleration jumps from a- to a+, and dqd changes by
+(a+ - a-) dqd_i / a_i-, since the instant of the reversal moves.
+
 Regression and simulation use the same recordings, so no error is counted twice: parameters move in
-the directions that the simulation determines better than the regression does, in units of its
-standard errors, and stay in all others. Residuals are correlated in time. A stretch is one draw;
-The scatter of the draws' gradients over
-that of independent samples is the design effect, by which samples count less, and the covariance is
-the sandwich of the draws.
+the directions that the simulation determines better than the regression does, in units of standard
+errors, and stay in all others. Residuals are correlated in time. A stretch is one draw, and few
+stretches are cut into at least `FEW_BLOCKS` pieces. The scatter of the draws' gradients over that
+of independent samples is the design effect, by which samples count less, and the covariance is the
+sandwich of the draws.
 
 The last quarter of the stretches decides between start and refined parameters; the kept ones are
 then fitted to all stretches.
@@ -53,8 +56,6 @@ if TYPE_CHECKING:
 
 HELD_OUT = 4
 """One in so many stretches is held out, the last ones."""
-FEWEST = -(-FEW_BLOCKS * HELD_OUT // (HELD_OUT - 1))
-"""Fewest stretches: `FEW_BLOCKS` are left for the scatter of the fit."""
 SHORT = 0.5
 """Length of stretches of robots under gravity, which fall without their controller [s]."""
 MOST = 240
@@ -86,7 +87,7 @@ class Layout:
     """
 
     def __init__(self, model: Model, *, plain: bool) -> None:
-        self.model = model
+        self.model, self.replaced = model, plain
         usual = {"law": USUAL, "covariance": (), "beside": (), "speeds": None}
         laws = known_friction(model, of_all=True).axes
         self._laws = [
@@ -258,8 +259,9 @@ class Simulations:
         S, K, C, M = (X.reshape(lanes, n, joints, -1) for X in (S, K, C, M))
         rests = qd == 0
         step = h * (every.step or 1)
-        x: Array = np.zeros((lanes, joints, S.shape[-1]))
-        v = x
+        arm = Arm(model)
+        jumps = 2.0 * arm.levels(flat[0]).reshape(q.shape)
+        x, v = np.zeros((2, lanes, joints, S.shape[-1]))
         found = np.zeros((lanes, n, joints, S.shape[-1]))
         for k in range(1, n):
             Mm, Cm, Km, Sm = ((X[:, k - 1] + X[:, k]) / 2 for X in (M, C, K, S))
@@ -268,10 +270,15 @@ class Simulations:
             left = Mm / step + Cm / 2 + step / 4 * Km
             right = (Mm / step - Cm / 2 - step / 4 * Km) @ v - Km @ x - Sm
             left = np.where(held[..., None] | held[:, None], np.eye(joints), left)
-            after: Array = np.linalg.solve(left, np.where(held[..., None], 0.0, right))
-            x = x + step / 2 * (np.where(held[..., None], 0.0, v) + after)
-            v = after
+            after = np.linalg.solve(left, np.where(held[..., None], 0.0, right))
+            x += step / 2 * (np.where(held[..., None], 0.0, v) + after)
+            v = np.asarray(after)
             found[:, k] = x
+            for lane, axis in np.argwhere(qd[:, k - 1] * qd[:, k] < 0).tolist():
+                a, forth = qdd[lane, max(k - 2, 0), axis], np.sign(qd[lane, k, axis])
+                jump = -np.linalg.inv(M[lane, k])[:, axis] * forth * jumps[lane, k, axis]
+                share = np.clip(jump[axis] / a, -1.0, 0.0) / jump[axis] if jump[axis] else 0.0
+                v[lane] += share * jump[:, None] * v[lane, axis]
         return found
 
 
@@ -318,21 +325,21 @@ def refine(
     controller : Controller, optional
         As in `hil.replay`.
     restart : float, optional
-        Length of a stretch [s]; by default `SHORT` under gravity, otherwise a
-        `FEWEST`-th of the longest recording.
+        Length of a stretch [s]; by default `SHORT` under gravity, otherwise a quarter
+        of the longest recording.
 
     Raises
     ------
     NotEnoughData
-        Fewer than `FEWEST` stretches, unknown friction, or a model that cannot be simulated.
+        Fewer than four stretches, unknown friction, or a model that cannot be simulated.
     """
     recorded = tuple(recorded)
     length = restart or _length(model, [each for _, each in recorded])
     lanes = Lanes.create(recorded, model, controller, length).thinned(MOST)
     n = len(lanes.starts)
-    if n < FEWEST:
+    if n < HELD_OUT:
         raise NotEnoughData(
-            f"{n} stretches of {length:.2g} s; refinement by simulation needs {FEWEST}: record"
+            f"{n} stretches of {length:.2g} s; refinement by simulation needs {HELD_OUT}: record"
             " longer, or omit --refine"
         )
     early, late = np.split(np.arange(n), [n - max(1, n // HELD_OUT)])
@@ -343,7 +350,7 @@ def refine(
     before, after = (np.sqrt(each.errors[late].mean(axis=0)) for each in (start, refined))
     kept = bool(((weights * after) ** 2).sum() < ((weights * before) ** 2).sum())
     kept = kept and refined.lost <= start.lost
-    found = start.model
+    found = start.model if simulations.layout.replaced else model
     if kept:
         best, directions, covariance = _minimised(simulations, refined, np.arange(n), weights)
         found = simulations.layout.model_at(best.p, covariance)
@@ -369,7 +376,7 @@ def _length(model: Model, recordings: Sequence[Recording]) -> float:
     if np.any(np.abs(model.gravity(q)) > np.nan_to_num(model.residual)):
         return SHORT
     longest = max(recordings, key=lambda each: float(np.ptp(each.time)))
-    return (float(np.ptp(longest.time)) - INITIAL * longest.period) / FEWEST
+    return (float(np.ptp(longest.time)) - INITIAL * longest.period) / HELD_OUT
 
 
 def _start(model: Model, lanes: Lanes) -> tuple[Simulations, Fit, str]:
@@ -387,8 +394,8 @@ def _start(model: Model, lanes: Lanes) -> tuple[Simulations, Fit, str]:
     apart = ((by_law.errors - by_plain.errors) / np.where(scale > 0, scale, np.inf)).sum(axis=1)
     scatter = float(np.std(apart, ddof=1)) / np.sqrt(len(apart))
     if apart.mean() > TWICE * scatter:
-        ratio = np.sqrt(by_law.errors.sum() / by_plain.errors.sum())
-        why = f"friction by plain terms; the chosen law simulates {ratio:.2g} times their error"
+        ratio = 1.0 / np.sqrt(1.0 - apart.mean() / np.count_nonzero(scale))
+        why = f"friction by plain terms; the chosen law simulates {ratio:.3g} times their error"
         return plain_terms, by_plain, why
     return law, by_law, "friction by the chosen law"
 
@@ -445,9 +452,11 @@ def _gradients(
     total = sum(float(((weights * each) ** 2).sum()) for each in residuals)
     count = sum(each.size for each in residuals)
     variance = total / count
-    draws, information = [], 0.0
+    draws: list[Array] = []
+    information = 0.0
     for left, change in zip(residuals, changes, strict=True):
         weighed = weights[:, None] * change
         information = information + np.einsum("naj,nak->jk", weighed, weighed)
-        draws.append(np.einsum("na,naj->j", weights * left, weighed))
+        parts = np.array_split(np.arange(len(left)), -(-FEW_BLOCKS // len(residuals)))
+        draws += [np.einsum("na,naj->j", weights * left[part], weighed[part]) for part in parts]
     return np.array(draws) / variance, np.asarray(information) / variance
