@@ -18,7 +18,7 @@ from hil.simulation.arm import Arm, Drive, Start
 from hil.simulation.refine import Layout, Simulations, refine
 from hil.simulation.replay import Lanes
 
-PERIOD, ERRORS = 0.01, {"offset": 0.3, "Coulomb": 0.3, "viscous": 0.6}
+PERIOD, ERRORS = 0.004, {"offset": 0.3, "Coulomb": 0.3, "viscous": 0.6}
 TRUTH = {"offset": 0.5, "Coulomb": 4.0, "viscous": 3.0}
 
 
@@ -34,7 +34,7 @@ def model(mass=5.0, mass_error=0.2, terms=TRUTH, plain=None, law="Coulomb and vi
     return replace(made, friction_law=FrictionLaw(axes=(own,)))
 
 
-def recorded(seed: int = 0, seconds: float = 16.0) -> Pooled:
+def recorded(seed: int = 0, seconds: float = 12.0) -> Pooled:
     """Return the motion of the true carriage under noisy recorded forces, with rests."""
     rng, none = np.random.default_rng(seed), np.zeros(1)
     time = np.arange(0.0, seconds, PERIOD)
@@ -64,18 +64,18 @@ def deviations(found: Model) -> np.ndarray:
 
 def test_parameters_of_a_wrong_start_return_to_the_truth_within_their_stated_errors():
     found = refine(
-        model(5.6, 0.4, {"offset": 1.0, "Coulomb": 3.4, "viscous": 4.0}), recorded(1), restart=1.0
+        model(5.6, 0.4, {"offset": 1.0, "Coulomb": 3.4, "viscous": 4.0}), recorded(1), restart=0.5
     )
     assert found.refinement is not None
     assert found.refinement.kept
     assert found.refinement.ratio < 0.5
     assert (np.abs(deviations(found)) < 3.0).all()
-    assert found.standard_errors[0] < 0.4 / 4
+    assert found.standard_errors[0] < 0.4 / 2
 
 
 @pytest.mark.long
 def test_stated_intervals_hold_the_truth_as_often_as_they_say():
-    found = [refine(drawn(seed), recorded(seed), restart=1.0) for seed in range(12)]
+    found = [refine(drawn(seed), recorded(seed), restart=0.5) for seed in range(12)]
     inside = np.abs([deviations(each) for each in found if each.refinement.kept]) < 1.96
     assert inside.shape[0] > 8
     assert 0.85 < inside.mean() <= 1.0
@@ -87,7 +87,7 @@ def test_a_start_that_cannot_be_improved_is_kept_and_named():
     sure = {k: each.model_copy(update={"standard_error": 1e-6}) for k, each in law.terms.items()}
     law = law.model_copy(update={"terms": sure})
     start = replace(start, friction_law=FrictionLaw(axes=(law,)))
-    found = refine(start, recorded(2), restart=1.0)
+    found = refine(start, recorded(2), restart=0.5)
     assert not found.refinement.kept
     assert found.digest == start.digest
     assert "the regression's parameters are kept" in str(found.refinement)
@@ -95,7 +95,7 @@ def test_a_start_that_cannot_be_improved_is_kept_and_named():
 
 def test_a_law_that_simulates_worse_than_plain_terms_is_replaced_and_named():
     poor = model(5.0, 0.2, {**TRUTH, "arc tangent": 2.5}, TRUTH, "arc tangent")
-    found = refine(poor, recorded(3), restart=1.0)
+    found = refine(poor, recorded(3), restart=0.5)
     assert "plain terms; the chosen law simulates" in str(found.refinement)
     assert found.friction_law.axes[0].law == "Coulomb and viscous"
     assert np.abs(deviations(found)).max() < 4.0
