@@ -12,7 +12,8 @@ columns of friction. Axes at rest stay there. So sensitivities cost as much as o
 whatever the number of parameters.
 
 At a reversal of axis i its acceleration jumps from a- to a+, and dqd changes by
-(a+ - a-) dqd_i / a_i-, since the instant of the reversal moves.
+(a+ - a-) dqd_i / a_i-, since the instant of the reversal moves. Errors of the initial states are
+left out: what they explain is removed from residuals and sensitivities.
 
 Regression and simulation use the same recordings, so no error is counted twice: parameters move in
 the directions that the simulation determines better than the regression does, in units of standard
@@ -47,7 +48,7 @@ from hil.simulation.arm import Arm
 from hil.simulation.replay import INITIAL, Lanes
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterable, Sequence
+    from collections.abc import Iterable, Sequence
 
     from hil.arrays import Array, Indices
     from hil.results.model import Model
@@ -218,14 +219,16 @@ class Simulations:
         lost = sum(int(np.isnan(each[:, 0]).sum()) for each in squares)
         return Fit(p, model, found, np.array(errors), lost)
 
-    def response(self, fit: Fit, lanes: Indices) -> tuple[list[Array], list[Array]]:
-        """Return residuals and their changes by the parameters, in standard errors.
+    def response(self, fit: Fit, lanes: Indices, weights: Array) -> tuple[list[Array], list[Array]]:
+        """Return weighed residuals, and their changes by the parameters in standard errors.
+
+        The part that a change of the initial state explains is removed from both.
 
         Returns
         -------
-        list of ndarray, shape (n, n_joints)
+        list of ndarray, shape (n n_joints,)
             Residuals of some lanes on a coarser grid.
-        list of ndarray, shape (n, n_joints, p)
+        list of ndarray, shape (n n_joints, p)
         """
         residuals, changes = [], []
         skip = INITIAL - INITIAL // 2
@@ -242,18 +245,26 @@ class Simulations:
                 )
                 left = (fit.positions[lane] - recorded)[every]
                 known = np.isfinite(left[:, 0])
-                residuals.append(left[known])
-                changes.append(each[known])
+                r = (weights * left[known]).ravel()
+                J = (weights[:, None] * each[known]).reshape(len(r), -1)
+                own, J = np.split(J, [2 * q.shape[2]], axis=1)
+                basis, _ = np.linalg.qr(own)
+                residuals.append(r - basis @ (basis.T @ r))
+                changes.append(J - basis @ (basis.T @ J))
         return residuals, changes
 
     def _sensitivities(self, model: Model, q: Array, h: float, every: slice) -> Array:
-        """Return the changes of positions along motions (lanes, n, n_joints), on a coarser grid."""
+        """Return the changes of positions along motions (lanes, n, n_joints), on a coarser grid.
+
+        The changes are those by initial positions and velocities, and by the parameters.
+        """
         qd = np.gradient(q, h, axis=1)
         qdd = np.gradient(qd, h, axis=1)
         q, qd, qdd = q[:, every], qd[:, every], qdd[:, every]
         lanes, n, joints = q.shape
         flat = [x.reshape(-1, joints) for x in (q, qd, qdd)]
         S = self.layout.columns(model, *flat) @ self.layout.roots
+        S = np.concatenate([np.zeros((len(S), joints, 2 * joints)), S], axis=2)
         K, C, M = _linearised(model, *flat)
         C, K = C + np.diag(self.lanes.drive.kd), K + np.diag(self.lanes.drive.kp)
         S, K, C, M = (X.reshape(lanes, n, joints, -1) for X in (S, K, C, M))
@@ -262,7 +273,9 @@ class Simulations:
         arm = Arm(model)
         jumps = 2.0 * arm.levels(flat[0]).reshape(q.shape)
         x, v = np.zeros((2, lanes, joints, S.shape[-1]))
+        x[..., :joints] = v[..., joints : 2 * joints] = np.eye(joints)
         found = np.zeros((lanes, n, joints, S.shape[-1]))
+        found[:, 0] = x
         for k in range(1, n):
             Mm, Cm, Km, Sm = ((X[:, k - 1] + X[:, k]) / 2 for X in (M, C, K, S))
             held = rests[:, k]
@@ -408,55 +421,47 @@ def _minimised(
     Directions are columns, in standard errors of the regression.
     """
 
-    def cost(fit: Fit) -> float:
-        return float((fit.errors[lanes] * weights**2).sum())
+    def gradients(fit: Fit) -> tuple[float, Array, Array]:
+        return _gradients(*simulations.response(fit, lanes, weights))
 
     roots, best = simulations.layout.roots, start
-    draws, information = _gradients(*simulations.response(best, lanes), weights)
+    cost, draws, information = gradients(best)
     effect = max(1.0, float(np.sum(draws**2) / np.trace(information)))
     values, vectors = np.linalg.eigh(information / effect)
     directions: Array = vectors[:, values > 1.0]
-    inverse = np.zeros_like(information)
     for _ in range(ROUNDS):
         inverse = directions @ np.linalg.inv(directions.T @ information @ directions) @ directions.T
-        after, step = _stepped(simulations, best, -inverse @ draws.sum(axis=0), cost)
-        if after is best:
+        step = -inverse @ draws.sum(axis=0)
+        for _ in range(HALVINGS):
+            with suppress(NotEnoughData):  # steps too far leave no positive mass matrix
+                tried = simulations.run(best.p + roots @ step)
+                found = gradients(tried)
+                if tried.lost <= best.lost and found[0] < cost:
+                    break
+            step = step / 2
+        else:
             break
-        best = after
-        draws, information = _gradients(*simulations.response(best, lanes), weights)
-        if step < SETTLED:
+        best, (cost, draws, information) = tried, found
+        if np.abs(step).max() < SETTLED:
             break
+    inverse = directions @ np.linalg.inv(directions.T @ information @ directions) @ directions.T
     free = max(len(draws) - directions.shape[1], 1) / len(draws)
     scatter = inverse @ draws.T @ draws @ inverse / free
     stays = np.eye(len(roots)) - directions @ directions.T
     return best, directions, roots @ (scatter + stays) @ roots.T
 
 
-def _stepped(
-    simulations: Simulations, best: Fit, step: Array, cost: Callable[[Fit], float]
-) -> tuple[Fit, float]:
-    """Return the fit after a step, halved until it reduces the error, and its largest part."""
-    for _ in range(HALVINGS):
-        with suppress(NotEnoughData):  # steps too far leave no positive mass matrix
-            tried = simulations.run(best.p + simulations.layout.roots @ step)
-            if tried.lost <= best.lost and cost(tried) < cost(best):
-                return tried, float(np.abs(step).max())
-        step = step / 2
-    return best, 0.0
+def _gradients(residuals: Sequence[Array], changes: Sequence[Array]) -> tuple[float, Array, Array]:
+    """Return the sum of squares, gradients of draws, and information of independent samples.
 
-
-def _gradients(
-    residuals: Sequence[Array], changes: Sequence[Array], weights: Array
-) -> tuple[Array, Array]:
-    """Return the gradients of draws, (draws, p), and the information of independent samples."""
-    total = sum(float(((weights * each) ** 2).sum()) for each in residuals)
-    count = sum(each.size for each in residuals)
-    variance = total / count
+    Gradients have the shape (draws, p). They and the information are divided by the variance.
+    """
+    total = sum(float(each @ each) for each in residuals)
+    variance = total / sum(each.size for each in residuals)
     draws: list[Array] = []
-    information = 0.0
+    cuts = -(-FEW_BLOCKS // len(residuals))
     for left, change in zip(residuals, changes, strict=True):
-        weighed = weights[:, None] * change
-        information = information + np.einsum("naj,nak->jk", weighed, weighed)
-        parts = np.array_split(np.arange(len(left)), -(-FEW_BLOCKS // len(residuals)))
-        draws += [np.einsum("na,naj->j", weights * left[part], weighed[part]) for part in parts]
-    return np.array(draws) / variance, np.asarray(information) / variance
+        parts = np.array_split(np.arange(len(left)), cuts)
+        draws += [left[part] @ change[part] for part in parts]
+    information = sum(each.T @ each for each in changes)
+    return total, np.array(draws) / variance, np.asarray(information) / variance

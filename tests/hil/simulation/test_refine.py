@@ -104,12 +104,13 @@ def test_a_law_that_simulates_worse_than_plain_terms_is_replaced_and_named():
 def test_sensitivities_are_those_of_difference_quotients():
     layout = Layout(model(), plain=False)
     simulations = Simulations(layout, Lanes.create(recorded(4, 4.0), model(), None, 1.0))
-    _, changes = simulations.response(simulations.run(layout.start), np.array([1]))
+    fit = simulations.run(layout.start)
+    changes = simulations._sensitivities(fit.model, fit.positions[1][None], PERIOD, slice(None))[0]
     for k, unit in enumerate(0.02 * layout.roots.T):
-        ends = [simulations.run(layout.start + x).positions[1][10:, 0] for x in (unit, -unit)]
+        ends = [simulations.run(layout.start + x).positions[1][:, 0] for x in (unit, -unit)]
         expected = (ends[0] - ends[1]) / 0.04
         size = np.abs(expected).max()
-        np.testing.assert_allclose(changes[0][:, 0, k], expected, atol=0.08 * size)
+        np.testing.assert_allclose(changes[:, 0, 2 + k], expected, atol=0.08 * size)
 
 
 def test_sensitivities_of_an_arm_are_those_of_difference_quotients():
@@ -123,13 +124,14 @@ def test_sensitivities_of_an_arm_are_those_of_difference_quotients():
     )
     layout = Layout(arm, plain=False)
     simulations = Simulations(layout, Lanes.create(Pooled([run]), arm, None, 0.3))
-    _, changes = simulations.response(simulations.run(layout.start), np.array([0]))
+    fit = simulations.run(layout.start)
+    changes = simulations._sensitivities(fit.model, fit.positions[0][None], 0.004, slice(None))[0]
     for k in range(0, len(layout.start), 7):
         unit = 0.002 * layout.roots[:, k]
-        ends = [simulations.run(layout.start + x).positions[0][10:] for x in (unit, -unit)]
+        ends = [simulations.run(layout.start + x).positions[0] for x in (unit, -unit)]
         expected = (ends[0] - ends[1]) / 0.004
         size = np.abs(expected).max()
-        np.testing.assert_allclose(changes[0][:, :, k], expected, atol=0.08 * size)
+        np.testing.assert_allclose(changes[:, :, 12 + k], expected, atol=0.08 * size)
 
 
 def test_too_few_stretches_unknown_friction_and_impossible_masses_are_refused():
