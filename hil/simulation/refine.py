@@ -19,8 +19,8 @@ Regression and simulation use the same recordings, so no error is counted twice:
 the directions that the simulation determines better than the regression does, in units of standard
 errors, and stay in all others. Residuals are correlated in time. A stretch is one draw, and few
 stretches are cut into at least `FEW_BLOCKS` pieces. The scatter of the draws' gradients over that
-of independent samples is the design effect, by which samples count less, and the covariance is the
-sandwich of the draws.
+of independent samples is the design effect, by which samples count less, and the covariance is that
+of the jackknife over the draws.
 
 The last quarter of the stretches decides between start and refined parameters; the kept ones are
 then fitted to all stretches.
@@ -425,13 +425,14 @@ def _minimised(
         return _gradients(*simulations.response(fit, lanes, weights))
 
     roots, best = simulations.layout.roots, start
-    cost, draws, information = gradients(best)
+    cost, draws, parts = gradients(best)
+    information = parts.sum(axis=0)
     effect = max(1.0, float(np.sum(draws**2) / np.trace(information)))
     values, vectors = np.linalg.eigh(information / effect)
     directions: Array = vectors[:, values > 1.0]
     for _ in range(ROUNDS):
-        inverse = directions @ np.linalg.inv(directions.T @ information @ directions) @ directions.T
-        step = -inverse @ draws.sum(axis=0)
+        within = directions.T @ parts.sum(axis=0) @ directions
+        step = -directions @ np.linalg.solve(within, directions.T @ draws.sum(axis=0))
         for _ in range(HALVINGS):
             with suppress(NotEnoughData):  # steps too far leave no positive mass matrix
                 tried = simulations.run(best.p + roots @ step)
@@ -441,27 +442,28 @@ def _minimised(
             step = step / 2
         else:
             break
-        best, (cost, draws, information) = tried, found
+        best, (cost, draws, parts) = tried, found
         if np.abs(step).max() < SETTLED:
             break
-    inverse = directions @ np.linalg.inv(directions.T @ information @ directions) @ directions.T
-    free = max(len(draws) - directions.shape[1], 1) / len(draws)
-    scatter = inverse @ draws.T @ draws @ inverse / free
+    every = directions.T @ parts @ directions
+    left_out = np.linalg.solve(every.sum(axis=0) - every, (draws @ directions)[..., None])[..., 0]
+    scatter = (1.0 - 1.0 / len(draws)) * directions @ left_out.T @ left_out @ directions.T
     stays = np.eye(len(roots)) - directions @ directions.T
     return best, directions, roots @ (scatter + stays) @ roots.T
 
 
 def _gradients(residuals: Sequence[Array], changes: Sequence[Array]) -> tuple[float, Array, Array]:
-    """Return the sum of squares, gradients of draws, and information of independent samples.
+    """Return the sum of squares, gradients of draws, and their information.
 
-    Gradients have the shape (draws, p). They and the information are divided by the variance.
+    Gradients (draws, p) and the information of independent samples (draws, p, p) are divided by the
+    variance.
     """
     total = sum(float(each @ each) for each in residuals)
     variance = total / sum(each.size for each in residuals)
-    draws: list[Array] = []
+    draws, information = [], []
     cuts = -(-FEW_BLOCKS // len(residuals))
     for left, change in zip(residuals, changes, strict=True):
-        parts = np.array_split(np.arange(len(left)), cuts)
-        draws += [left[part] @ change[part] for part in parts]
-    information = sum(each.T @ each for each in changes)
-    return total, np.array(draws) / variance, np.asarray(information) / variance
+        for part in np.array_split(np.arange(len(left)), cuts):
+            draws.append(left[part] @ change[part])
+            information.append(change[part].T @ change[part])
+    return total, np.array(draws) / variance, np.array(information) / variance
