@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from carriage_run import carriage
+from carriage_run import carriage, noisy_run
 from possible_models import model_of, possible
 
 import hil
@@ -14,7 +14,6 @@ from hil.errors import NotEnoughData
 from hil.friction.law import AxisLaw, FrictionLaw, TermValue
 from hil.results.model import Model
 from hil.runs.pooling import Pooled
-from hil.simulation.arm import Arm, Drive, Start
 from hil.simulation.refine import Layout, Simulations, refine
 from hil.simulation.replay import Lanes
 
@@ -35,16 +34,7 @@ def model(mass=5.0, mass_error=0.2, terms=TRUTH, plain=None, law="Coulomb and vi
 
 
 def recorded(seed: int = 0, seconds: float = 12.0) -> Pooled:
-    """Return the motion of the true carriage under noisy recorded forces, with rests."""
-    rng, none = np.random.default_rng(seed), np.zeros(1)
-    time = np.arange(0.0, seconds, PERIOD)
-    force = 12.0 * np.sin(7.0 * time) + 6.0 * np.sin(2.3 * time + seed) + 0.5
-    drive = Drive(time, force[:, None], 0.0 * force[:, None], none, none)
-    (q,) = Arm(model(), step=PERIOD).run([Start(none, none, time, lambda *_: False)], drive)
-    q = q + 1e-5 * rng.standard_normal(q.shape)
-    noisy = force[:, None] + 1.0 * rng.standard_normal(q.shape)
-    run = hil.Run.import_arrays(hil.Robot.load("emps"), time, q, noisy, accept=["friction"])
-    return Pooled([run])
+    return Pooled([noisy_run(model(), seed, seconds, PERIOD)])
 
 
 def drawn(seed: int) -> Model:
