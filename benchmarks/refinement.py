@@ -215,7 +215,7 @@ def level_of(model: hil.Model, run: hil.Run) -> float:
     return float(directed @ left / (directed @ directed))
 
 
-def at_level(model: hil.Model, level: float) -> hil.Model:
+def set_level(model: hil.Model, level: float) -> hil.Model:
     """Return the model with another level of friction."""
     law = model.friction_law.axes[0]
     terms = {
@@ -242,7 +242,7 @@ def emps(folder: Path) -> dict[str, Figure]:
         "plain": error(model, friction="plain"),
         "kept": Figure(float(whole.refinement.kept), ""),
         "refined-short": error(short),
-        "at-level": error(at_level(short, level)),
+        "at-level": error(set_level(short, level)),
         "level": Figure(100 * (level - 1), "%", 2),
         "own-level": Figure(100 * (own - 1), "%", 1),
     }
