@@ -68,7 +68,8 @@ def test_stated_intervals_hold_the_truth_as_often_as_they_say():
     found = [refine(drawn(seed), recorded(seed), restart=0.5) for seed in range(12)]
     inside = np.abs([deviations(each) for each in found if each.refinement.kept]) < 1.96
     assert inside.shape[0] > 8
-    assert 0.85 < inside.mean() <= 1.0
+    # 95 % less two standard deviations of twelve draws, whose parameters are correlated
+    assert 0.82 < inside.mean() <= 1.0
 
 
 def test_a_start_that_cannot_be_improved_is_kept_and_named():
