@@ -62,7 +62,10 @@ EXAMPLES: dict[str, tuple[str, str]] = {
         "hil import --draft recording.csv --robot arm.urdf -o map.yaml",
         "hil import map.yaml -o runs/imported",
     ),
-    "identify": ("hil identify runs/first", "hil identify runs/first --with runs/second --json"),
+    "identify": (
+        "hil identify runs/first --refine simulation",
+        "hil identify runs/first --with runs/second --json",
+    ),
     "validate": (
         "hil validate runs/other --model runs/first",
         "hil validate runs/first --truth manutec-r15",

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 from pathlib import Path
 from time import perf_counter
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Literal
 
 import typer
 
@@ -22,7 +22,10 @@ from hil.cli.outputs import (
 from hil.terminal.console import give, say, working
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
     from hil.estimation.options import Options
+    from hil.results.findings import Findings
     from hil.results.model import Model
     from hil.runs.run import Run
 
@@ -80,6 +83,13 @@ def identify(
         Path | None, typer.Option(help="URDF of the robot with inertials, such as CAD exports.")
     ] = None,
     accuracy: Accuracy = 10.0,
+    refine: Annotated[
+        Literal["simulation"] | None,
+        typer.Option(
+            help="Fit simulated to recorded positions, from the regression's model; kept if better"
+            " on held-out recordings."
+        ),
+    ] = None,
 ) -> None:
     """Identify dynamics and friction from measured or imported runs.
 
@@ -110,7 +120,11 @@ def identify(
                 say(f"{method} method: {reason}")
         recorded = count(sum(map(len, (run, *more))), "measurement")
         now(f"estimating {run.robot.name} from {recorded}")
-        found = identify_and_keep(run, method, more, options=options).model
+        findings = identify_and_keep(run, method, more, options=options)
+        found = findings.model
+        if refine:
+            now("fitting simulated to recorded positions")
+            found = _refined(findings, [run, *more], options)
         if consistent or masses:
             from hil.results.consistency import find_consistent_robot
 
@@ -129,11 +143,20 @@ def identify(
     show_bodies(found)
     for each in (run, *more):
         _show_shortfall(each)
-    took = f"{perf_counter() - begun:.1f} s"
-    give(model=str(path))
-    say(f"model in {path} ({took})")
+    give(model=str(path), refinement=found.refinement and found.refinement.model_dump(mode="json"))
+    say(f"model in {path} ({perf_counter() - begun:.1f} s)")
     if found.failed:
         raise typer.Exit(Status.REFUSED)
+
+
+def _refined(findings: Findings, runs: Sequence[Run], options: Options) -> Model:
+    """Return the model refined by simulation, judged anew."""
+    from hil.results.identification import rejudged
+    from hil.runs.pooling import Pooled
+    from hil.simulation.refine import refine
+
+    every = Pooled(runs)
+    return rejudged(refine(findings.model, every), findings.estimate, every, options)
 
 
 def options_of(prior: str | None, urdf: Path | None, run: Run) -> Options:

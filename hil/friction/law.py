@@ -256,7 +256,7 @@ class FrictionLaw(FileModel):
         return self.model_copy(update={"axes": tuple(own)})
 
     @property
-    def _motor_terms(self) -> list[TermValue]:
+    def motor_terms(self) -> list[TermValue]:
         """Coefficients of the columns of `hil.friction.terms.coupled_friction`."""
         return [part for each in self.coupled for part in (each.viscous, each.coulomb)]
 
@@ -304,7 +304,7 @@ def friction_torque(
             other = columns[:, ~each.directed] @ each.values[~each.directed]
             found[:, axis] = other + each.factor(_axis_warmth(warm, axis)) * level
         if law.coupled:
-            shared = np.array([part.value for part in law._motor_terms])
+            shared = np.array([part.value for part in law.motor_terms])
             found[:, axis] += coupled_friction(robot, qd_rows, axis) @ shared
     return found.reshape(np.shape(q))
 
@@ -362,7 +362,7 @@ def friction_variance(
             found[:, axis] += (away * friction) ** 2
             found[:, axis] += each.extrapolation(np.abs(qd_rows[:, axis])) ** 2
         if law.coupled:
-            error = np.array([part.standard_error for part in law._motor_terms])
+            error = np.array([part.standard_error for part in law.motor_terms])
             found[:, axis] += np.sum((coupled_friction(robot, qd_rows, axis) * error) ** 2, axis=1)
     return found.clip(0.0).reshape(np.shape(q))
 

@@ -114,10 +114,15 @@ class ReportedRun:
         """Estimate shown in the report."""
         return self.found.estimate
 
-    @property
+    @cached_property
     def model(self) -> Model:
-        """Model of the estimate."""
-        return self.found.model
+        """Model of the estimate, or the model in the folder if refined from this estimate."""
+        found = self.found.model
+        with suppress(HilError):
+            kept = Model.load(self.source.path / NAME)
+            if kept.refinement is not None and kept.refinement.start_digest == found.digest:
+                return kept
+        return found
 
     @cached_property
     def kept_model(self) -> Model | None:

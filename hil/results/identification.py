@@ -287,8 +287,15 @@ def model_of(
     )
     if options.prior is not None and found.prior_share is not None:
         model = replace(model, prior=options.prior.stated(model.names, found.prior_share))
+    return rejudged(model, found, recorded, options)
+
+
+def rejudged(
+    model: Model, found: Estimate, recorded: Recorded, options: Options = DEFAULTS
+) -> Model:
+    """Return a model with its residual over the fixed band, and judged by it."""
     model = replace(model, band_residual=band_residual(model, recorded))
-    usual = found.effect * run.robot.usual_uncertainty
+    usual = found.effect * model.robot.usual_uncertainty
     return replace(model, verdict=verdict(model, usual, options.accuracy))
 
 

@@ -35,6 +35,7 @@ if TYPE_CHECKING:
     from hil.model.robot import Robot
     from hil.results.judgement import Judgement, KeptJudgement
     from hil.results.provenance import Provenance
+    from hil.results.refinement import Refinement
     from hil.results.residual import BandResidual
 
 
@@ -93,6 +94,8 @@ class IdentifiedRobot(ByName):
         Residual of `hil.results.model.Model.predict` on the recordings of its identification, over
         the band common to all models; None without known friction, and for a file of an earlier
         version.
+    refinement : Refinement, optional
+        Held-out position errors of a refinement by simulation; None without one.
 
     Examples
     --------
@@ -122,6 +125,7 @@ class IdentifiedRobot(ByName):
     prior: FromPrior | None = None
     edges: tuple[Edge, ...] = ()
     band_residual: BandResidual | None = None
+    refinement: Refinement | None = None
 
     @property
     def failed(self) -> bool:

@@ -32,6 +32,7 @@ from hil.model.robot import Robot, parse_robot
 from hil.results.identified_robot import IdentifiedRobot
 from hil.results.judgement import Judgement, KeptJudgement
 from hil.results.provenance import Provenance
+from hil.results.refinement import Refinement
 from hil.results.residual import BandResidual
 
 if TYPE_CHECKING:
@@ -143,6 +144,7 @@ class ModelFile(FileModel):
     prior: FromPrior | None = None
     edges: tuple[Edge, ...] = ()
     band_residual: BandResidual | None = None
+    refinement: Refinement | None = None
 
     @model_validator(mode="after")
     def _check_sizes(self) -> ModelFile:

@@ -28,12 +28,14 @@ bound slides against it. So the whole scheme is of order h^2 through any number 
 reversals (tested against closed solutions).
 
 Presliding is left out: friction reverses at once.
+
+Simulations run side by side as lanes, the leading axis of all arrays. Lanes advance from sample to
+sample together, each through its own events.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from itertools import pairwise
 from typing import TYPE_CHECKING, Literal, NamedTuple
 
 import numpy as np
@@ -46,9 +48,9 @@ from hil.model.dynamics import inverse_dynamics
 from hil.model.motors import motor_inertia
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
+    from collections.abc import Callable, Sequence
 
-    from hil.arrays import Array, Mask
+    from hil.arrays import Array, Indices, Mask
     from hil.results.model import Model
 
 Friction = Literal["law", "plain", "exported"]
@@ -104,12 +106,12 @@ class Drive:
     def __post_init__(self) -> None:
         object.__setattr__(self, "_free", not (self.kp.any() or self.kd.any()))
 
-    def __call__(self, instant: float, q: Array, qd: Array) -> Array:
-        """Return the torques at an instant [s], given q and qd, shape (n_joints,) each."""
+    def __call__(self, instant: Array, q: Array, qd: Array) -> Array:
+        """Return the torques of lanes at instants (lanes,) [s], given q and qd; all (lanes, n)."""
         time = self.time
-        k = min(max(int(time.searchsorted(instant, "right")) - 1, 0), len(time) - 2)
-        step = float(time[k + 1] - time[k])
-        share = (instant - float(time[k])) / step
+        k = np.clip(time.searchsorted(instant, "right") - 1, 0, len(time) - 2)
+        step = (time[k + 1] - time[k])[:, None]
+        share = (instant - time[k])[:, None] / step
         torque: Array = self.torque[k] + share * (self.torque[k + 1] - self.torque[k])
         if self._free:
             return torque
@@ -118,12 +120,42 @@ class Drive:
         return np.asarray(torque + self.kp * error + self.kd * (speed - qd))
 
 
+class Start(NamedTuple):
+    """Start of a simulation.
+
+    Attributes
+    ----------
+    q, qd : ndarray, shape (n_joints,)
+        State at the first instant.
+    time : ndarray, shape (n,)
+        Instants of the positions [s].
+    lost : callable
+        Function of the index of an instant and of the positions there; True ends the simulation.
+    """
+
+    q: Array
+    qd: Array
+    time: Array
+    lost: Callable[[int, Array], bool]
+
+
 class State(NamedTuple):
-    """Positions and velocities (n_joints,), and modes of elements: 1, -1, or 0 at rest."""
+    """States of lanes: positions and velocities (lanes, n_joints), and modes of elements.
+
+    Modes are 1, -1, or 0 at rest, shape (lanes, n_elements).
+    """
 
     q: Array
     qd: Array
     mode: Array
+
+    def take(self, lanes: Mask | Indices) -> State:
+        """Return the states of some lanes."""
+        return State(self.q[lanes], self.qd[lanes], self.mode[lanes])
+
+    def put(self, lanes: Indices, other: State) -> None:
+        """Replace the states of some lanes."""
+        self.q[lanes], self.qd[lanes], self.mode[lanes] = other.q, other.qd, other.mode
 
 
 class _Laws:
@@ -157,24 +189,25 @@ class _Laws:
         self.names = tuple(name for name, there in zip(self.names, used, strict=True) if there)
         directed = np.isin(self.names, DIRECTED)
         self._level, self._other = values[:, used] * directed, values[:, used] * ~directed
-        self._none = np.zeros(n)
         self.loaded = "load" in self.names
         self._gear = np.nan_to_num(model.robot.gear_ratio)
 
     def evaluate(self, q: Array, qd: Array, side: Array, load: Array) -> tuple[Array, Array]:
-        """Return torque without directed terms, and level for directions `side`, (n,) each."""
+        """Return torque without directed terms, and level for directions `side`, (lanes, n)."""
         speed = np.abs(qd)
         known = np.minimum(np.maximum(speed, self._slowest), self._fastest)
-        u, direction = side * known / self.speed, Direction(side, self._none)
-        columns = friction_columns(u, direction, load, self._gear * q, terms=self.names)
-        level = side * (columns * self._level).sum(axis=1) + self._slope * (speed - known)
-        return (columns * self._other).sum(axis=1), np.maximum(level, 0.0)
+        u, direction = side * known / self.speed, Direction(side.ravel(), np.zeros(side.size))
+        angle = (self._gear * q).ravel()
+        columns = friction_columns(u.ravel(), direction, load.ravel(), angle, terms=self.names)
+        columns = columns.reshape(*q.shape, -1)
+        level = side * (columns * self._level).sum(axis=-1) + self._slope * (speed - known)
+        return (columns * self._other).sum(axis=-1), np.maximum(level, 0.0)
 
     def steepest(self) -> Array:
         """Return each axis's greatest slope of friction over speed, (n,) [N m s/rad, N s/m]."""
-        none, forward = np.zeros(len(self.speed)), np.ones(len(self.speed))
         speeds = np.linspace(SLOWEST, 1.0, SOME)[:, None] * self.speed
-        torques = [np.add(*self.evaluate(none, each, forward, none)) for each in speeds]
+        none = np.zeros_like(speeds)
+        torques = np.add(*self.evaluate(none, speeds, none + 1.0, none))
         slopes = np.diff(torques, axis=0) / np.diff(speeds, axis=0)
         return np.asarray(np.abs(slopes).max(axis=0))
 
@@ -188,6 +221,8 @@ class Arm:
     friction : {"law", "plain", "exported"}
         Friction law; its Coulomb, viscous and offset terms alone (`AxisLaw.plain`); or Coulomb and
         viscous friction as exported to simulators (`hil.export.simple_friction`), with the offset.
+    step : float, optional
+        Longest step [s]; `STEP` by default.
 
     Raises
     ------
@@ -195,12 +230,12 @@ class Arm:
         The mass matrix is not positive definite.
     """
 
-    def __init__(self, model: Model, friction: Friction = "law") -> None:
+    def __init__(self, model: Model, friction: Friction = "law", step: float | None = None) -> None:
+        self._step = STEP if step is None else step
         self._model, self._robot, n = model, model.robot, model.robot.n_joints
         self._laws = _Laws(model, friction)
         self._rotors = motor_inertia(model.robot, np.zeros(n))
-        self._still, self._zero = np.zeros(n), np.zeros((n + 2, n))
-        self._zero[2:] = np.eye(n)
+        self._units = np.vstack([np.zeros((2, n)), np.eye(n)])
         coupled = () if friction == "exported" else model.friction_law.coupled
         rows = [np.eye(n)]
         for motor, joint, ratio in model.robot.couplings[: len(coupled)]:
@@ -215,182 +250,217 @@ class Arm:
             self._viscous += shared - np.diag(np.diag(shared))
 
     def mass_and_bias(self, q: Array, qd: Array) -> tuple[Array, Array]:
-        """Return the mass matrix with rotors, (n, n), and torque of motion and gravity, (n,)."""
-        speeds = np.zeros_like(self._zero)
-        speeds[0] = qd
-        at = np.broadcast_to(q, speeds.shape)
-        found = inverse_dynamics(self._robot, self._model.values, at, speeds, self._zero)
-        mass = found[2:].T - found[1][:, None]
-        return (mass + mass.T) / 2 + self._rotors, found[0]
+        """Return mass matrices with rotors, (lanes, n, n), and torques of motion and gravity."""
+        at, speeds, accelerations = np.zeros((3, len(q), *self._units.shape))
+        at[:], speeds[:, 0], accelerations[:] = q[:, None], qd, self._units
+        found = inverse_dynamics(self._robot, self._model.values, at, speeds, accelerations)
+        mass = found[:, 2:] - found[:, 1, None]
+        return (mass + mass.swapaxes(1, 2)) / 2 + self._rotors, found[:, 0]
 
-    def _forces(
-        self, q: Array, qd: Array, mode: Array, tau: Array, load: Array
-    ) -> tuple[Array, Array, Array, Array]:
-        """Return mass matrix, accelerating torque, friction bounds, and bias.
+    def levels(self, q: Array) -> Array:
+        """Return the level of friction at the beginning of a motion without load, (lanes, n)."""
+        none = np.zeros_like(q)
+        return self._laws.evaluate(q, none, none + 1.0, none)[1]
 
-        The accelerating torque includes friction of sliding axes (`mode` 1 or -1), but not that of
+    def slopes(self, q: Array, qd: Array) -> Array:
+        """Return the derivatives of friction by velocities, (lanes, n, n) [N m s/rad, N s/m]."""
+        speeds = self._laws.speed * SLOWEST * np.array([[[1.0]], [[-1.0]]]) + qd
+        side, none = np.where(qd < 0, -1.0, 1.0), np.zeros_like(q)
+        ends = [
+            other + side * level
+            for other, level in (self._laws.evaluate(q, each, side, none) for each in speeds)
+        ]
+        slope = (ends[0] - ends[1]) / (speeds[0] - speeds[1])
+        return np.asarray(slope[..., None] * np.eye(q.shape[1]) + self._viscous)
+
+    def _forces(self, state: State, tau: Array, load: Array) -> tuple[Array, Array, Array, Array]:
+        """Return mass matrices, accelerating torques, friction bounds, and biases.
+
+        The accelerating torques include friction of sliding axes (`mode` 1 or -1), but not that of
         sticking ones (`mode` 0).
         """
+        q, qd, mode = state
         mass, bias = self.mass_and_bias(q, qd)
-        n = len(q)
-        side = np.where(mode[:n] < 0, -1.0, 1.0)
+        side = np.where(mode[:, : q.shape[1]] < 0, -1.0, 1.0)
         other, level = self._laws.evaluate(q, qd, side, load)
-        most = np.concatenate([level, self._coulomb])
-        left = tau - bias - other - self._viscous @ qd - (mode * most) @ self.elements
+        most = np.hstack([level, np.broadcast_to(self._coulomb, (len(q), len(self._coulomb)))])
+        left = tau - bias - other - qd @ self._viscous - (mode * most) @ self.elements
         return mass, left, most, bias
 
-    def acceleration(
-        self, state: State, tau: Array, load: Array | None = None
-    ) -> tuple[Array, Array, Array]:
-        """Return accelerations in the present modes (n,), friction at rest and its bounds.
+    def acceleration(self, state: State, tau: Array) -> tuple[Array, Array, Array]:
+        """Return accelerations in the present modes (lanes, n), friction at rest and its bounds."""
+        return self._acceleration(state, tau)[:3]
+
+    def _acceleration(self, state: State, tau: Array) -> tuple[Array, Array, Array, Array]:
+        """Return `acceleration` and the load of its friction.
 
         Friction of the load depends on accelerations, so a fixed-point iteration is used; it
         converges at the rate of the load's share in friction.
         """
-        q, qd, mode = state
-        held, load = mode == 0, self._still if load is None else load
-        qdd = self._still
+        load = qdd = np.zeros_like(state.q)
         for _ in range(ROUNDS):
-            mass, left, most, bias = self._forces(q, qd, mode, tau, load)
-            found, friction = _accelerations(mass, left, self.elements, held)
+            mass, left, most, bias = self._forces(state, tau, load)
+            found, friction = _accelerations(mass, left, self.elements, state.mode == 0)
             if (
                 not self._laws.loaded
                 or (np.abs(found - qdd) <= SETTLED * (1.0 + np.abs(found))).all()
             ):
-                return found, friction, most
-            qdd, load = found, bias + (mass - self._rotors) @ found
+                return found, friction, most, load
+            qdd = found
+            load = bias + np.einsum("lij,lj->li", mass - self._rotors, found)
         raise NotEnoughData(
             f"the model of {self._robot.name}: load-dependent friction is as large as the load; "
             "use --friction plain"
         )
 
     def resolved(self, state: State, tau: Array) -> State:
-        """Return the state with new modes of the elements at rest, by Gauss's principle."""
-        q, qd, mode = state
-        held = mode == 0
-        load = self._still
-        if self._laws.loaded:
-            qdd, _, _ = self.acceleration(state, tau)
-            mass, bias = self.mass_and_bias(q, qd)
-            load = bias + (mass - self._rotors) @ qdd
-        mass, left, most, _ = self._forces(q, qd, mode, tau, load)
+        """Return the states with new modes of the elements at rest, by Gauss's principle."""
+        load = self._acceleration(state, tau)[3]
+        mass, left, most, _ = self._forces(state, tau, load)
+        changed = state.mode.copy()
         factor = _factor(mass, self._robot.name)
-        across: Array = np.linalg.solve(factor, self.elements[held].T)
-        bound = most[held] + 1e-300
-        friction = _least_constraint(across, np.asarray(np.linalg.solve(factor, left)), bound)
-        slides = np.abs(friction) >= (1.0 - AT_BOUND) * bound
-        changed = mode.copy()
-        changed[held] = np.where(slides, np.sign(friction), 0.0)
-        return State(q, qd, changed)
+        for lane, held in enumerate(state.mode == 0):
+            across: Array = np.linalg.solve(factor[lane], self.elements[held].T)
+            bound = most[lane, held] + 1e-300
+            torque = np.asarray(np.linalg.solve(factor[lane], left[lane]))
+            friction = _least_constraint(across, torque, bound)
+            slides = np.abs(friction) >= (1.0 - AT_BOUND) * bound
+            changed[lane, held] = np.where(slides, np.sign(friction), 0.0)
+        return state._replace(mode=changed)
 
-    def run(
-        self, q: Array, qd: Array, time: Array, drive: Drive, lost: Callable[[int, Array], bool]
-    ) -> Array:
-        """Simulate from a state at the first instant of `time`, shape (n,) [s].
+    def run(self, starts: Sequence[Start], drive: Drive) -> list[Array]:
+        """Simulate from states at the first instants of some times.
 
         Returns
         -------
-        ndarray, shape (n, n_joints)
-            Positions; NaN from the first sample on for which `lost` returns True, given its index
-            and positions.
+        list of ndarray, shape (n, n_joints)
+            Positions; NaN from the first sample on for which `lost` returns True.
         """
-        found = np.full((len(time), len(q)), np.nan)
-        state, rate = self.start(q, qd), self.rate(drive)
-        found[0] = q
-        for k, (begin, end) in enumerate(pairwise(time.tolist()), start=1):
-            n = steps_in(end - begin, rate)
+        found = [np.full((len(each.time), len(each.q)), np.nan) for each in starts]
+        for positions, each in zip(found, starts, strict=True):
+            positions[0] = each.q
+        q, qd = (np.stack(each) for each in zip(*((x.q, x.qd) for x in starts), strict=True))
+        state, rate, k = self.start(q, qd), self.rate(drive), 0
+        lanes = np.arange(len(starts))
+        while (
+            going := np.array([k + 1 < len(starts[lane].time) for lane in lanes.tolist()])
+        ).any():
+            lanes, state, k = lanes[going], state.take(going), k + 1
+            begin, end = np.array([starts[lane].time[k - 1 : k + 1] for lane in lanes]).T
+            n = steps_in(float((end - begin).max()), rate, self._step)
+            h = (end - begin) / n
             for part in range(n):
-                h = (end - begin) / n
                 state = self.step(state, begin + part * h, h, drive)
-            if lost(k, state.q):
-                break
-            found[k] = state.q
+            kept: Mask = np.array(
+                [not starts[lane].lost(k, q) for lane, q in zip(lanes, state.q, strict=True)]
+            )
+            lanes, state = lanes[kept], state.take(kept)
+            for lane, positions in zip(lanes, state.q, strict=True):
+                found[lane][k] = positions
         return found
 
     def start(self, q: Array, qd: Array) -> State:
-        """Return a state with modes by the signs of velocities; elements without velocity rest."""
-        return State(q.copy(), qd.copy(), np.sign(self.elements @ qd))
+        """Return states with modes by the signs of velocities; elements without velocity rest."""
+        return State(q, qd, np.sign(qd @ self.elements.T))
 
-    def step(self, state: State, begin: float, h: float, drive: Drive) -> State:
-        """Return the state a time `h` after `begin` [s], through all events between."""
-        end, now = begin + h, begin
+    def step(self, state: State, begin: Array, h: Array, drive: Drive) -> State:
+        """Return the states a time `h` after `begin` [s], (lanes,), through all events between."""
+        now, left, going = begin.copy(), h.copy(), np.arange(len(h))
+        final = State(*(each.copy() for each in state))
         for _ in range(MOST_EVENTS):
-            after, stopping, share = self._try(state, now, end - now, drive)
-            if not stopping.any():
-                return after
-            now += (end - now) * share
-            state = self.resolved(self._stopped(after, stopping), drive(now, after.q, after.qd))
-            if now >= end:
-                return state
-        after, _, _ = self._try(state, now, end - now, drive, whole=True)
-        turned = after.mode * (self.elements @ after.qd) < 0
-        return self._stopped(after, turned)
+            after, stopping, share = self._try(state, now, left, drive)
+            stops = np.asarray(stopping.any(axis=1))
+            final.put(going, after)
+            if not stops.any():
+                return final
+            going, share, left = going[stops], share[stops], left[stops]
+            now, left = now[stops] + left * share, left * (1.0 - share)
+            state = self._stopped(after.take(stops), stopping[stops])
+            state = self.resolved(state, drive(now, state.q, state.qd))
+            final.put(going, state)
+            going, now, left, state = (
+                going[left > 0], now[left > 0], left[left > 0], state.take(left > 0)
+            )  # fmt: skip
+            if not len(going):
+                return final
+        after, _, _ = self._try(state, now, left, drive, whole=True)
+        turned = np.asarray(after.mode * (after.qd @ self.elements.T) < 0)
+        final.put(going, self._stopped(after, turned))
+        return final
 
     def _try(
-        self, state: State, now: float, h: float, drive: Drive, *, whole: bool = False
-    ) -> tuple[State, Mask, float]:
-        """Take a midpoint step up to the first stop: state, stopping elements, share done."""
+        self, state: State, now: Array, h: Array, drive: Drive, *, whole: bool = False
+    ) -> tuple[State, Mask, Array]:
+        """Take a midpoint step up to the first stop: states, stopping elements, shares done."""
         tau = drive(now, state.q, state.qd)
         first, friction, most = self.acceleration(state, tau)
-        if (np.abs(friction) > most).any():
-            state = self.resolved(state, tau)
-            first, _, _ = self.acceleration(state, tau)
+        if len(slipping := np.flatnonzero((np.abs(friction) > most).any(axis=1))):
+            state = State(*(each.copy() for each in state))
+            state.put(slipping, self.resolved(state.take(slipping), tau[slipping]))
+            first[slipping] = self.acceleration(state.take(slipping), tau[slipping])[0]
         after, second = self._midpoint(state, first, now, h, drive)
-        speeds, ends = (self.elements @ each.qd for each in (state, after))
+        speeds, ends = (each.qd @ self.elements.T for each in (state, after))
         turned = state.mode * ends < 0
+        share = np.ones(len(h))
         if whole or not turned.any():
-            return after, np.zeros_like(turned), 1.0
-        slopes = h * self.elements @ np.column_stack([first, second - first])
-        shares = np.full(len(turned), np.inf)
-        shares[turned] = [
-            _first_root(*each) for each in zip(speeds[turned], *slopes[turned].T, strict=True)
-        ]
-        share = max(float(shares.min()), SHORTEST)
-        after, _ = self._midpoint(state, first, now, share * h, drive)
-        return after, shares <= share, share
+            return after, np.zeros_like(turned), share
+        slope, curve = (h[:, None] * x @ self.elements.T for x in (first, second - first))
+        shares = np.full(turned.shape, np.inf)
+        for at in zip(*np.nonzero(turned), strict=True):
+            shares[at] = _first_root(speeds[at], slope[at], curve[at])
+        some = np.flatnonzero(turned.any(axis=1))
+        share[some] = np.maximum(shares[some].min(axis=1), SHORTEST)
+        part, _ = self._midpoint(state.take(some), first[some], now[some], (share * h)[some], drive)
+        after.put(some, part)
+        return after, shares <= share[:, None], share
 
     def _midpoint(
-        self, state: State, first: Array, now: float, h: float, drive: Drive
+        self, state: State, first: Array, now: Array, h: Array, drive: Drive
     ) -> tuple[State, Array]:
-        q, qd, mode = state
-        middle = State(q + h / 2 * qd, qd + h / 2 * first, mode)
+        (q, qd, mode), step = state, h[:, None]
+        middle = State(q + step / 2 * qd, qd + step / 2 * first, mode)
         tau = drive(now + h / 2, middle.q, middle.qd)
         second, _, _ = self.acceleration(middle, tau)
-        return State(q + h * middle.qd, qd + h * second, mode), second
+        return State(q + step * middle.qd, qd + step * second, mode.copy()), second
 
     def _stopped(self, state: State, stopping: Mask) -> State:
-        """Return the state with some elements stopped, by the velocity change of least norm."""
-        mode = np.where(stopping, 0.0, state.mode)
-        rows = self.elements[mode == 0]
-        qd = state.qd - np.linalg.lstsq(rows, rows @ state.qd, rcond=None)[0]
+        """Return the states with some elements stopped, by the velocity changes of least norm."""
+        mode, qd = np.where(stopping, 0.0, state.mode), state.qd.copy()
+        for lane in np.flatnonzero(stopping.any(axis=1)):
+            rows = self.elements[mode[lane] == 0]
+            qd[lane] -= np.linalg.lstsq(rows, rows @ qd[lane], rcond=None)[0]
         return State(state.q, qd, mode)
 
     def rate(self, drive: Drive) -> float:
         """Return the greatest rate of decay or oscillation of velocities along a motion [1/s]."""
-        lightest = np.zeros(len(drive.kp))
-        for q in drive.wanted[:: max(1, len(drive.wanted) // SOME)]:
-            mass, _ = self.mass_and_bias(q, self._still)
-            inverse = np.linalg.inv(_factor(mass, self._robot.name))
-            lightest = np.maximum(lightest, (inverse**2).sum(axis=0))
+        q = drive.wanted[:: max(1, len(drive.wanted) // SOME)]
+        mass, _ = self.mass_and_bias(q, 0.0 * q)
+        inverse = np.linalg.inv(_factor(mass, self._robot.name))
+        lightest = (inverse**2).sum(axis=1).max(axis=0)
         slopes = self._laws.steepest() + np.abs(self._viscous).sum(axis=0) + drive.kd
         return float(np.maximum(lightest * slopes, np.sqrt(lightest * drive.kp)).max())
 
 
-def steps_in(period: float, rate: float) -> int:
-    """Return the number of steps for a period between samples."""
-    longest = min(STEP, FASTEST / max(rate, 1e-9))
+def steps_in(period: float, rate: float, step: float) -> int:
+    """Return the number of steps for a period between samples, each at most `step` [s]."""
+    longest = min(step, FASTEST / max(rate, 1e-9))
     return int(np.clip(np.ceil(period / longest - 1e-6), 1, MOST_STEPS))
 
 
 def _accelerations(mass: Array, left: Array, elements: Array, held: Mask) -> tuple[Array, Array]:
-    """Return accelerations with elements kept at rest, and the required friction."""
-    friction = np.zeros(len(elements))
-    if not held.any():
-        return np.asarray(np.linalg.solve(mass, left)), friction
-    rows = elements[held]
-    solved = np.linalg.solve(mass, np.column_stack([left, rows.T]))
-    friction[held] = np.linalg.lstsq(rows @ solved[:, 1:], rows @ solved[:, 0], rcond=None)[0]
-    return np.asarray(solved[:, 0] - solved[:, 1:] @ friction[held]), friction
+    """Return accelerations with elements kept at rest, and the required friction, by lanes."""
+    n, friction = left.shape[1], np.zeros(held.shape)
+    axes = held[:, :n]
+    fixed = np.where(axes[:, :, None] | axes[:, None], np.eye(n), mass)
+    found = np.linalg.solve(fixed, np.where(axes, 0.0, left)[..., None])[..., 0]
+    friction[:, :n] = np.where(axes, left - np.einsum("lij,lj->li", mass, found), 0.0)
+    for lane in np.flatnonzero(held[:, n:].any(axis=1)):
+        rows = elements[held[lane]]
+        solved = np.linalg.solve(mass[lane], np.column_stack([left[lane], rows.T]))
+        own = np.linalg.lstsq(rows @ solved[:, 1:], rows @ solved[:, 0], rcond=None)[0]
+        friction[lane, held[lane]] = own
+        found[lane] = solved[:, 0] - solved[:, 1:] @ own
+    return found, friction
 
 
 def _least_constraint(across: Array, left: Array, bound: Array) -> Array:

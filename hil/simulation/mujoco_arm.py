@@ -16,11 +16,11 @@ from hil.optional_packages import needed_for
 from hil.results.consistency import find_consistent_robot
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
+    from collections.abc import Callable, Sequence
 
     from hil.arrays import Array
     from hil.results.model import Model
-    from hil.simulation.arm import Drive
+    from hil.simulation.arm import Drive, Start
 
 
 class MujocoArm:
@@ -41,10 +41,13 @@ class MujocoArm:
         self._model = mujoco.MjModel.from_xml_string(text)
         self._model.jnt_limited[:] = 0
 
-    def run(
-        self, q: Array, qd: Array, time: Array, drive: Drive, lost: Callable[[int, Array], bool]
-    ) -> Array:
+    def run(self, starts: Sequence[Start], drive: Drive) -> list[Array]:
         """Simulate like `hil.simulation.arm.Arm.run`."""
+        return [self._run(drive, *each) for each in starts]
+
+    def _run(
+        self, drive: Drive, q: Array, qd: Array, time: Array, lost: Callable[[int, Array], bool]
+    ) -> Array:
         mujoco, model = self._mujoco, self._model
         data = mujoco.MjData(model)
         data.qpos[:], data.qvel[:] = q, qd
@@ -55,8 +58,8 @@ class MujocoArm:
             model.opt.timestep = h = float(period / n)
             model.dof_solref[:, 1] = -IMPEDANCE / h
             for part in range(n):
-                middle = float(begin) + (part + 0.5) * h
-                data.qfrc_applied[:] = drive(middle, data.qpos, data.qvel)
+                middle = np.array([begin + (part + 0.5) * h])
+                data.qfrc_applied[:] = drive(middle, data.qpos[None], data.qvel[None])[0]
                 mujoco.mj_step(model, data)
             if not np.isfinite(data.qpos).all() or lost(k, data.qpos):
                 break

@@ -12,20 +12,21 @@ recorded state.
 from __future__ import annotations
 
 import re
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Literal, NamedTuple, Protocol
 
 import numpy as np
 
 from hil.errors import InvalidValue, NotEnoughData
 from hil.results.model import loaded
+from hil.results.provenance import named
 from hil.results.recorded_torque import convert_torques
 from hil.runs.run import opened
 from hil.runs.set_points import set_points
 from hil.show.outcome import Verdict
 from hil.show.rounding import significant
 from hil.show.table import figures, table
-from hil.simulation.arm import Arm, Drive
+from hil.simulation.arm import Arm, Drive, Start
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Mapping, Sequence
@@ -35,8 +36,7 @@ if TYPE_CHECKING:
     from hil.model.robot import Robot
     from hil.planning.measurement import RecordedMotion
     from hil.results.model import Model
-    from hil.runs.recording import Recording
-    from hil.runs.recording_file import Measured
+    from hil.runs.recording import Recorded, Recording
     from hil.runs.run import Run
     from hil.show.table import Table
     from hil.simulation.arm import Friction
@@ -66,10 +66,8 @@ class Controller(NamedTuple):
 class Simulator(Protocol):
     """Simulated arm with the interface of `hil.simulation.arm.Arm.run`."""
 
-    def run(
-        self, q: Array, qd: Array, time: Array, drive: Drive, lost: Callable[[int, Array], bool]
-    ) -> Array:
-        """Return positions at `time`, shape (n, n_joints)."""
+    def run(self, starts: Sequence[Start], drive: Drive) -> list[Array]:
+        """Return the positions at the instants of each start, shape (n, n_joints)."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -286,38 +284,108 @@ def replay(
     else:
         friction = friction or "law"
         arm = Arm(model, friction)
-    found: list[Replayed] = []
-    for each in run:
-        progress(each.measurement.id)
-        found += _replayed(arm, model, each, controller, restart)
-    if not found:
-        raise NotEnoughData(
-            f"{run.path}: no recording has {2 * INITIAL} samples without a gap, "
-            "which a simulation needs; record longer"
-        )
+    with named(run):
+        recorded = ((each.measurement, each.recording) for each in run)
+        lanes = Lanes.create(recorded, model, controller, restart, progress)
+    found = lanes.simulated(arm)
     drives = "recorded torques" if controller is None else "positions held by a PD controller"
     often = "" if restart is None else f", restarted every {restart:g} s"
-    return Replay(run.robot, tuple(found), f"{drives}; {simulator}, friction: {friction}{often}")
+    return Replay(run.robot, found, f"{drives}; {simulator}, friction: {friction}{often}")
 
 
-def _replayed(
-    arm: Simulator,
-    model: Model,
-    each: Measured,
-    controller: Controller | None,
-    restart: float | None,
-) -> Iterator[Replayed]:
-    """Yield the simulated recording; nothing for a recording that is too short."""
-    recording = convert_torques(model, each.measurement, each.recording)
-    drive = _drive(model, each.measurement, recording, controller)
-    parts = [
-        _simulated(arm, model, recording.time[stretch], recording.q[stretch], drive)
-        for stretch in _stretches(recording, restart)
-    ]
-    if parts:
-        time, q, found = (np.concatenate(each) for each in zip(*parts, strict=True))
-        gone = np.flatnonzero(np.diff(np.isnan(found[:, 0]).astype(int), prepend=0) == 1)
-        yield Replayed(each.measurement.id, time, q, found, tuple(time[gone].tolist()))
+@dataclass(frozen=True, slots=True, eq=False)
+class Lanes:
+    """Stretches of recordings, to be simulated side by side.
+
+    Attributes
+    ----------
+    starts : tuple of Start
+        States `INITIAL` / 2 samples after the beginning of each stretch.
+    drive : Drive
+        Drive of all recordings, one after another on a common time axis.
+    recorded : tuple of ndarray, shape (n, n_joints)
+        Scored positions of each stretch [rad or m].
+    owners : tuple of (str, float)
+        Measurement of each stretch, and the shift of its times to the common axis [s].
+    """
+
+    starts: tuple[Start, ...]
+    drive: Drive
+    recorded: tuple[Array, ...]
+    owners: tuple[tuple[str, float], ...]
+
+    @classmethod
+    def create(
+        cls,
+        recorded: Recorded,
+        model: Model,
+        controller: Controller | None = None,
+        restart: float | None = None,
+        progress: Callable[[str], None] = lambda _: None,
+    ) -> Lanes:
+        """Return the stretches of some recordings.
+
+        Raises
+        ------
+        NotEnoughData
+            No recording is long enough.
+        """
+        starts, drives, scored, owners = [], [], [], []
+        end = 0.0
+        for motion, each in recorded:
+            progress(motion.id)
+            recording = convert_torques(model, motion, each)
+            stretches = list(_stretches(recording, restart))
+            if not stretches:
+                continue
+            drive = _drive(model, motion, recording, controller)
+            shift = end - float(drive.time[0])
+            drives.append(replace(drive, time=drive.time + shift))
+            end = float(drives[-1].time[-1]) + 1.0
+            for stretch in stretches:
+                q = recording.q[stretch]
+                starts.append(_start(model, recording.time[stretch] + shift, q))
+                scored.append(q[INITIAL:])
+                owners.append((motion.id, shift))
+        if not starts:
+            raise NotEnoughData(
+                f"no recording has {2 * INITIAL} samples without a gap, which a simulation needs;"
+                " record longer"
+            )
+        time, torque, wanted = (
+            np.concatenate([getattr(each, name) for each in drives])
+            for name in ("time", "torque", "wanted")
+        )
+        whole = replace(drives[0], time=time, torque=torque, wanted=wanted)
+        return cls(tuple(starts), whole, tuple(scored), tuple(owners))
+
+    def thinned(self, most: int) -> Lanes:
+        """Return at most so many stretches, evenly spread."""
+        n = len(self.starts)
+        taken = np.arange(n) if n <= most else np.linspace(0, n - 1, most).round().astype(int)
+        rows = zip(self.starts, self.recorded, self.owners, strict=True)
+        starts, recorded, owners = zip(
+            *(row for k, row in enumerate(rows) if k in set(taken.tolist())), strict=True
+        )
+        return replace(self, starts=starts, recorded=recorded, owners=owners)
+
+    def simulated(self, arm: Simulator) -> tuple[Replayed, ...]:
+        """Simulate all stretches; those of one measurement are joined."""
+        skip = INITIAL - INITIAL // 2
+        found = [each[skip:] for each in arm.run(self.starts, self.drive)]
+        times = [
+            each.time[skip:] - shift
+            for each, (_, shift) in zip(self.starts, self.owners, strict=True)
+        ]
+        parts: dict[tuple[str, float], list[tuple[Array, Array, Array]]] = {}
+        for owner, *part in zip(self.owners, times, self.recorded, found, strict=True):
+            parts.setdefault(owner, []).append((part[0], part[1], part[2]))
+        replayed = []
+        for (name, _), pieces in parts.items():
+            time, q, simulated = (np.concatenate(each) for each in zip(*pieces, strict=True))
+            gone = np.diff(np.isnan(simulated[:, 0]).astype(int), prepend=0) == 1
+            replayed.append(Replayed(name, time, q, simulated, tuple(time[gone].tolist())))
+        return tuple(replayed)
 
 
 def _stretches(recording: Recording, restart: float | None) -> Iterator[Indices]:
@@ -331,10 +399,8 @@ def _stretches(recording: Recording, restart: float | None) -> Iterator[Indices]
             yield piece[first : first + INITIAL + many]
 
 
-def _simulated(
-    arm: Simulator, model: Model, time: Array, q: Array, drive: Drive
-) -> tuple[Array, Array, Array]:
-    """Return scored instants of a stretch, with recorded and simulated positions."""
+def _start(model: Model, time: Array, q: Array) -> Start:
+    """Return the start of a stretch, by a parabola through its first samples."""
     middle = INITIAL // 2
     powers = np.vander(time[:INITIAL] - time[middle], 3, increasing=True)
     at, speed, _ = np.linalg.lstsq(powers, q[:INITIAL], rcond=None)[0]
@@ -343,8 +409,7 @@ def _simulated(
     def lost(k: int, now: Array) -> bool:
         return not (np.abs(now - q[middle + k]) <= wide).all()
 
-    found = arm.run(at, speed, time[middle:], drive, lost)
-    return time[INITIAL:], q[INITIAL:], found[INITIAL - middle :]
+    return Start(at, speed, time[middle:], lost)
 
 
 def _drive(

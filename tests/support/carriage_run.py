@@ -9,7 +9,7 @@ import hil
 from hil.friction.law import AxisLaw, FrictionLaw, TermValue
 from hil.results.model import Model
 from hil.runs.run import Run
-from hil.simulation.arm import Arm, Drive
+from hil.simulation.arm import Arm, Drive, Start
 
 PERIOD = 0.005
 
@@ -24,10 +24,22 @@ def carriage(mass: float = 5.0) -> Model:
     return replace(model, friction_law=FrictionLaw(axes=(law,)))
 
 
+def noisy_run(model: Model, seed: int = 0, seconds: float = 12.0, period: float = 0.004) -> Run:
+    """Return the motion of a carriage under noisy recorded forces, with rests."""
+    rng, none = np.random.default_rng(seed), np.zeros(1)
+    time = np.arange(0.0, seconds, period)
+    force = (12.0 * np.sin(7.0 * time) + 6.0 * np.sin(2.3 * time + seed) + 0.5)[:, None]
+    drive = Drive(time, force, 0.0 * force, none, none)
+    (q,) = Arm(model, step=period).run([Start(none, none, time, lambda *_: False)], drive)
+    q = q + 1e-5 * rng.standard_normal(q.shape)
+    noisy = force + rng.standard_normal(q.shape)
+    return hil.Run.import_arrays(hil.Robot.load("emps"), time, q, noisy, accept=["friction"])
+
+
 def carriage_run() -> Run:
     """Return a run of the carriage at rest, then back and forth for two seconds."""
     time, none = np.arange(0.0, 2.2, PERIOD), np.zeros(1)
     force = 15.0 * np.sin(2 * np.pi * np.maximum(time - 0.2, 0.0))[:, None]
     drive = Drive(time, force, 0.0 * force, none, none)
-    q = Arm(carriage()).run(none, none, time, drive, lambda *_: False)
+    (q,) = Arm(carriage()).run([Start(none, none, time, lambda *_: False)], drive)
     return hil.Run.import_arrays(hil.Robot.load("emps"), time, q, force, accept=["friction"])

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 from hil.estimation.back_and_forth.result import BackAndForthFit
@@ -29,6 +30,13 @@ if TYPE_CHECKING:
 
 def summary(model: IdentifiedRobot) -> Outcome:
     """Return tables of parameters with uncertainties, of residuals and of unused measurements."""
+    found = _summary(model)
+    if model.refinement is None:
+        return found
+    return replace(found, tables=(*found.tables, model.refinement.table(model.robot)))
+
+
+def _summary(model: IdentifiedRobot) -> Outcome:
     left = band_residual(model.band_residual, model.robot, "of these recordings")
     remarks = tuple(f"left out: {left}" for left in model.provenance.left_out)
     if model.prior is not None and model.prior.replaced:

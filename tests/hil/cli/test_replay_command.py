@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+import json
 from typing import TYPE_CHECKING
 
-from carriage_run import carriage, carriage_run
+from carriage_run import carriage, carriage_run, noisy_run
+
+from hil.results.model import Model
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -30,3 +33,19 @@ def test_the_command_writes_a_page_and_its_status_says_whether_a_limit_was_passe
     assert "mm, at most 20.0 mm allowed" in " ".join(out.split())
     assert hil(*command, "2")[0] == 1
     assert hil(*command, "20mm", "--kp", "5")[0] == 2
+
+
+def test_a_refined_model_states_both_errors_and_serves_the_commands_after_it(
+    tmp_path: Path, hil: Hil
+) -> None:
+    folder = noisy_run(carriage()).save(tmp_path / "run").path
+    status, out, _ = hil("identify", folder, "--refine", "simulation", "--json")
+    assert status == 0
+    found = json.loads(out)["refinement"]
+    model = Model.load(folder)
+    assert model.refinement is not None
+    assert found == json.loads(model.refinement.model_dump_json())
+    for command in ("report", folder), ("replay", folder, "--model", folder):
+        assert hil(*command)[0] == 0
+    words = " ".join((folder / "report.html").read_text().split())
+    assert "Simulated positions, held out" in words

@@ -13,7 +13,7 @@ from hil.friction.law import AxisLaw, FrictionLaw, TermValue
 from hil.friction.terms import LAWS
 from hil.model.robot import Robot
 from hil.results.consistency import find_consistent_robot
-from hil.simulation.arm import Arm, Drive, State
+from hil.simulation.arm import Arm, Drive, Start, State
 
 MASS, COULOMB = 2.0, 4.0
 
@@ -38,7 +38,8 @@ def carriage(viscous=0.0):
 def integrate(arm, time, force, q=0.0, qd=0.0):
     n, none = len(time), np.zeros(1)
     drive = Drive(time, np.reshape(force, (n, 1)), np.zeros((n, 1)), none, none)
-    return arm.run(np.array([q]), np.array([qd]), time, drive, never)[:, 0]
+    (found,) = arm.run([Start(np.array([q]), np.array([qd]), time, never)], drive)
+    return found[:, 0]
 
 
 def test_an_axis_without_force_brakes_at_its_friction_and_then_rests():
@@ -108,8 +109,8 @@ def test_axes_that_slide_accelerate_as_the_model_says(path):
     rng = np.random.default_rng(5)
     arm = Arm(model)
     for _ in range(4):
-        q, qd, tau = rng.uniform(-1.0, 1.0, (3, robot.n_joints))
-        state = State(q, qd, np.sign(arm.elements @ qd))
+        q, qd, tau = rng.uniform(-1.0, 1.0, (3, 1, robot.n_joints))
+        state = arm.start(q, qd)
         found, _, _ = arm.acceleration(state, 50.0 * tau)
         expected = model.forward_dynamics(q, qd, 50.0 * tau)
         np.testing.assert_allclose(found, expected, rtol=1e-6, atol=1e-6)
@@ -131,12 +132,12 @@ def test_axes_at_rest_hold_together_and_each_is_freed_by_what_the_others_leave()
     model = ur10e()
     arm, q = Arm(model), np.zeros(6)
     holds = model.gravity(q)
-    rest = State(q, np.zeros(6), np.zeros(6))
-    assert not arm.resolved(rest, holds + 2.9).mode.any()
-    pushed = holds + np.array([0.0, 0.0, 0.0, 0.0, 0.0, 3.5])
+    rest = State(*np.zeros((3, 1, 6)))
+    assert not arm.resolved(rest, holds[None] + 2.9).mode.any()
+    pushed = holds[None] + np.array([0.0, 0.0, 0.0, 0.0, 0.0, 3.5])
     free = arm.resolved(rest, pushed)
     qdd, friction, most = arm.acceleration(free, pushed)
-    assert free.mode[5] == 1.0
+    assert free.mode[0, 5] == 1.0
     assert (free.mode * qdd >= 0.0).all()
     assert (np.abs(friction) <= most + 1e-9).all()
     np.testing.assert_allclose(qdd[free.mode == 0.0], 0.0, atol=1e-9)
@@ -153,16 +154,31 @@ def test_builtin_and_mujoco_agree_within_a_fiftieth_of_the_motion_and_closer_wit
     model = replace(model, friction_law=FrictionLaw(axes=axes))
     time = np.arange(0.0, 0.6, 0.002)
     drive = Drive(time, swinging(model, time), np.zeros((len(time), 6)), none, none)
-    begin = none, none, time, drive, never
-    expected = Arm(model, "exported").run(*begin)
+    begin = [Start(none, none, time, never)], drive
+    (expected,) = Arm(model, "exported").run(*begin)
     moved = np.ptp(expected, axis=0)
     assert (moved > 0.01).all()
     apart = [
-        np.abs(MujocoArm(model, step).run(*begin) - expected).max(axis=0) / moved
+        np.abs(MujocoArm(model, step).run(*begin)[0] - expected).max(axis=0) / moved
         for step in (1e-3, 1e-4)
     ]
     assert (apart[0] < 0.02).all()
     assert apart[1].max() < apart[0].max() / 3
+
+
+def test_lanes_side_by_side_move_as_each_does_alone():
+    model, none, rng = ur10e(), np.zeros(6), np.random.default_rng(2)
+    time = np.arange(0.0, 0.4, 0.002)
+    drive = Drive(time, swinging(model, time), np.zeros((len(time), 6)), none, none)
+    starts = [
+        Start(none, speed, time[k:], never) for k, speed in enumerate(rng.normal(0, 0.3, (5, 6)))
+    ]
+    starts.append(Start(none, none, time, lambda k, _: k == 30))
+    arm = Arm(model)
+    found = arm.run(starts, drive)
+    assert np.isnan(found[5][30:]).all()
+    for start, positions in zip(starts, found, strict=True):
+        np.testing.assert_allclose(positions, arm.run([start], drive)[0], rtol=0, atol=1e-12)
 
 
 def test_a_mass_matrix_that_is_not_positive_definite_is_refused():
@@ -170,4 +186,4 @@ def test_a_mass_matrix_that_is_not_positive_definite_is_refused():
     none = np.zeros(1)
     drive = Drive(np.arange(3.0), np.zeros((3, 1)), np.zeros((3, 1)), none, none)
     with pytest.raises(NotEnoughData, match="not positive definite"):
-        Arm(model).run(none, none, np.arange(3.0), drive, never)
+        Arm(model).run([Start(none, none, np.arange(3.0), never)], drive)
