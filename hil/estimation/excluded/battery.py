@@ -99,8 +99,9 @@ column is within their span. Columns use the smoothed motion, columns of base pa
 smoothed themselves. The two differ by some 1e-3; an amplitude of less than ten times that shows
 nothing."""
 ANOTHER_SHAPE = 0.25
-"""Share x of a change's square outside its column, such as changed Coulomb friction where the column
-is 1 % of all friction. It counts as rest, so a size s must obey (1 - x) s^2 > rest + x s^2."""
+"""Share x of a change's square outside its column, such as changed Coulomb friction where the
+column is 1 % of all friction. It counts as rest, so a size s must obey (1 - x) s^2 > rest + x s^2.
+"""
 NOTHING = 1e-10
 """Largest root mean square of a column of rounding errors, relative to the largest column."""
 
