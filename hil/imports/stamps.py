@@ -128,6 +128,7 @@ def timing_of(samples: Samples, segments: list[Integers], *, trusted: bool = Fal
         ordered = [measured(samples, rows, counts.held) for rows in ordered]
         counts.repeated = published - sum(map(len, ordered))
         period = _period([samples.time[rows] for rows in ordered])
+        trusted = False  # the stated rate is that of the rows, not of the measurements
     ordered = [_drop_held(samples, rows, period, counts) for rows in ordered]
     parts = [
         part
