@@ -23,6 +23,7 @@ from hil.imports.misread import (
     misread_velocities,
     range_suspicions,
     small,
+    unmeasurable,
 )
 from hil.imports.two_clocks import clock_of_velocities
 from hil.model.frames import ROUNDED_OFF
@@ -43,6 +44,7 @@ def suspicions(
     unknown_gains: Sequence[int] = (),
     passive: Sequence[int] = (),
     reached: Callable[[], tuple[Array, Array]] | None = None,
+    rate: float | None = None,
 ) -> list[Suspicion]:
     """Return all suspicions, certain ones first.
 
@@ -62,16 +64,18 @@ def suspicions(
     reached : callable, optional
         Function that returns the least and greatest recorded positions; those of the excerpts by
         default.
+    rate : float, optional
+        Rate stated by the map [Hz], where it names no column of time.
     """
     ranges = range_suspicions(evidence, robot, unknown_gains, reached)
-    found = [*_still(evidence, robot, alone, passive), *ranges]
+    found = [*unmeasurable(evidence), *_still(evidence, robot, alone, passive), *ranges]
     if not any(suspicion.certain for suspicion in found):
         found += misread_torques(excerpts, evidence, robot)
         most = np.abs(evidence.tau).max(axis=0)
         low = [] if unknown_gains else [*small(evidence, robot, "torque", most, robot.torque_limit)]
         found += low
     if not any(suspicion.certain for suspicion in found):  # otherwise no equations are needed
-        clock = list(clock_suspicions(excerpts, evidence, robot))
+        clock = list(clock_suspicions(excerpts, evidence, robot, rate))
         # a common factor of all velocities gives a single suspicion, not further ones of speeds and
         # positions
         found = clock + found

@@ -1,5 +1,7 @@
 """Columns with wrong meaning in the map are named before any estimation."""
 
+import re
+
 import numpy as np
 import pytest
 from small_recording import ROBOT, a_map, motion, table, write_csv, write_map
@@ -75,6 +77,25 @@ def test_noise_is_no_torque(tmp_path):
     noise = {name: 10 * rng.standard_normal(len(columns["t"])) for name in ("m1", "m2")}
     message = refusal(tmp_path, columns | noise)
     assert "moving joint unexplained: torques do not match this motion" in message
+
+
+@pytest.mark.parametrize("size", [1e-25, 3e-110, 1e-311])
+@pytest.mark.parametrize(
+    ("name", "key"), [("m2", "torque"), ("v1", "velocity"), ("q1", "position")]
+)
+def test_bytes_of_other_numbers_are_no_measurements(tmp_path, size, name, key):
+    columns = table(20.0, rate=200.0)
+    alike = [each for each in columns if each[0] == name[0]]
+    tiny = {each: size * columns[each] for each in (alike if key == "position" else [name])}
+    message = refusal(tmp_path, columns | tiny, velocity=True)
+    assert re.search(rf"joints.{int(name[1]) - 1}.{key}: values up to \S+ are no {key}", message)
+
+
+def test_rounding_of_a_resting_joint_is_no_reason_to_refuse(tmp_path):
+    columns = table(20.0, rate=200.0)
+    rests = {name: 1e-30 * columns[name] for name in ("q2", "v2", "m2")}
+    write_csv(tmp_path / "data.csv", columns | rests)
+    import_recordings([write_map(tmp_path, a_map(velocity=True))], tmp_path / "run")
 
 
 def test_positions_too_coarse_to_be_differentiated_are_remarked(tmp_path):
