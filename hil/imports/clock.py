@@ -75,7 +75,8 @@ def clock_suspicions(
             f"{has} Hz, but recorded velocities of "
             f"{'joint' if len(ratio) == 1 else 'joints'} {joints} are {common:.4g} times the "
             f"derivatives of the positions: at {common * (rate or 1 / period):.5g} Hz all of them "
-            f"fit; correct the {'rate' if rate else 'stamps'} or the unit of time, or the velocities' common unit",
+            f"fit; correct the {'rate' if rate else 'stamps'} or the unit of time, or the "
+            "velocities' common unit",
             certain=len(ratio) > 1 and abs(np.log(common)) > np.log(OTHER),
         )
     elif explained or abs(np.log(common)) > np.log(OTHER) or shown.sum() < 2:

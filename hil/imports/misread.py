@@ -280,8 +280,8 @@ def unmeasurable(evidence: Evidence) -> Iterator[Suspicion]:
             yield Suspicion(
                 "range",
                 ("joints", joint, key),
-                f"values up to {most[joint]:.2g} are no {key}, at least {NOTHING:g} (SI) needed for "
-                "any sensor: integers read as doubles, or memory never written, have such values; "
+                f"values up to {most[joint]:.2g} are no {key}, at least {NOTHING:g} (SI) needed "
+                "for any sensor: integers read as doubles, or unwritten memory, have such values; "
                 "correct the driver that recorded them, or name another column",
             )
 
