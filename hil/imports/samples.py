@@ -159,7 +159,42 @@ def read_samples(
         time -= np.nanmin(time)
     present = tuple(np.sum(numbers, axis=0).tolist())
     whole = np.concatenate(complete)
+    common = np.count_nonzero(whole)
+    # few common rows, and apart: by chance
+    if common < min(present) / 10 and np.count_nonzero(whole[1:] & whole[:-1]) <= common / 10:
+        _refuse_apart(the_map)
     return Samples(time, values, whole, tuple(begins), from_date, wraps, present, tuple(notes))
+
+
+def _refuse_apart(the_map: MapFile) -> None:
+    """Refuse columns that have numbers in other rows than other columns, by name."""
+    file, time = the_map.content.files[0], the_map.content.time
+    wanted = [(at, each.column) for at, each in columns_of(the_map) if each and at[0] == "joints"]
+    blocks = _file_blocks(the_map, 0, file, {})
+    shown = np.concatenate([np.isfinite(block[:, -len(wanted) :]) for block in blocks])
+    counts, joint = shown.sum(axis=0), shown.T.astype(float) @ shown
+    groups: dict[int, list[str]] = {}  # names of columns, by the first column
+    for column, (_, name) in enumerate(wanted):
+        alike = (g for g in groups if joint[g, column] > min(counts[g], counts[column]) / 2)
+        groups.setdefault(next(alike, column), []).append(str(name))
+    if len(groups) < 2:
+        return
+    parts = [f"{', '.join(names)} in {counts[first]}" for first, names in groups.items()]
+    remedy = ""
+    # dates as text have the unit ns
+    if file.endswith(".csv") and time and time.column and time.unit != "ns":
+        stamp, kept = repr(time.column.column), repr(wanted[0][1])
+        remedy = (
+            f", as by pandas: d = pandas.read_csv({file!r}, sep=None, engine='python').set_index("
+            f"{stamp}).select_dtypes('number'); d = d.interpolate('index')[d[{kept}].notna()]"
+            "; d.to_csv('joined.csv')"
+        )
+    raise the_map.wrong(
+        wanted[0][0],
+        f"columns have numbers in different rows: of {len(shown)} rows of {file}, "
+        f"{'; '.join(parts)}; like topics with stamps of their own: record them together, or "
+        f"interpolate all of them at the stamps of the positions{remedy}",
+    )
 
 
 def positions_reached(samples: Samples, parts: Sequence[Integers]) -> tuple[Array, Array]:
