@@ -185,8 +185,8 @@ FILES = {
         "a.csv", all_missing, "joints.0.position.column: column q1 holds no number in any of 801"
         " rows; name another"),
     "numbers of two columns in turn": (
-        "a.csv", alternate, "columns have numbers in different rows: of 801 rows of a.csv, q1, q2, m2"
-        " in 400; m1 in 401; like topics"),
+        "a.csv", alternate, "columns have numbers in different rows: of 801 rows of a.csv, q1, "
+        "q2, m2 in 400; m1 in 401; like topics"),
     "bytes": ("a.csv", binary, "a.csv: holds NUL bytes: not UTF-8 text"),
     "10 GiB of nothing": ("a.csv", sparse, "a.csv: holds NUL bytes"),
     "10 GiB of nothing after a table": ("a.csv", sparse_after_a_table, "a.csv: holds NUL bytes"),
