@@ -32,7 +32,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from scipy import fft
 
-from hil.estimation.free_motion.motion import FINE, Processing, low_passed, reach
+from hil.estimation.free_motion.motion import BANDS, FINE, Processing, low_passed, reach
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -80,8 +80,7 @@ def processing_of(found: Survey) -> tuple[Processing, Reasons]:
     recorded = np.array([source.recorded for source in sources])
     reasons = Reasons(reason, tuple(source.reason for source in sources))
     none = np.zeros(len(found.speed))
-    # cut-off frequency of the positions over that of torque and columns
-    return Processing(cut_off, cut_off / 3.0, found.speed, recorded, none, none), reasons
+    return Processing(cut_off, cut_off / BANDS, found.speed, recorded, none, none), reasons
 
 
 def cut_off_of(
