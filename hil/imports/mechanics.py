@@ -275,7 +275,7 @@ def _late(
 
     left, lag = min(left_at(sign * lag) for lag in lags for sign in (1, -1))
     if left <= LEAVES:
-        for step in (0.25, 0.12) if abs(lag) in FAR_LAGS else ():  # to 6 %
+        for step in (0.25, 0.12) if abs(lag) >= max(LAGS) else ():  # to 6 %
             left, lag = min((left, lag), *(left_at(lag * (1 + k * step)) for k in (-1, 1)))
         yield Suspicion(
             "shape",
