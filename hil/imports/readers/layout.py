@@ -9,6 +9,7 @@ from itertools import groupby
 from operator import itemgetter
 from typing import TYPE_CHECKING
 
+from checked_files.foreign_text import one_line
 from hil.imports.tables import SPELLINGS
 
 if TYPE_CHECKING:
@@ -109,7 +110,7 @@ def layout_of(text: str, stated: Format) -> Layout:
     decimal = stated.decimal or _decimal(last, delimiter)
     rows = [(number, cells(line, delimiter)) for number, line in used]
     scope = _find_scope_row([row for _, row in rows])
-    first = _first_row(rows, decimal, stated, whole=bool(scope))
+    first = _first_row(rows, delimiter, decimal, stated, whole=bool(scope))
     skipped, width = rows[first][0], len(rows[first][1])
     if scope:
         # a scope may end its file with EOF
@@ -222,7 +223,12 @@ def _decimal(lines: Sequence[str], delimiter: str) -> str:
 
 
 def _first_row(
-    rows: Sequence[tuple[int, list[str]]], decimal: str, stated: Format, *, whole: bool
+    rows: Sequence[tuple[int, list[str]]],
+    delimiter: str,
+    decimal: str,
+    stated: Format,
+    *,
+    whole: bool,
 ) -> int:
     """Return the index of the first row of numbers in `rows`; with `whole`, without any text."""
     if stated.header is not None:
@@ -240,7 +246,8 @@ def _first_row(
         as_wide = index + 1 == len(rows) or len(row) >= len(rows[index + 1][1])
         if index and numbers >= 2 and as_wide and not whole:
             return index
-    raise NoNumbers("has no row of numbers in its first lines")
+    first = one_line(delimiter.join(rows[0][1]), 60)
+    raise NoNumbers(f"has no row of numbers in its first lines, the first is {first!r}")
 
 
 def _lacks_names(rows: Sequence[Sequence[str]], decimal: str) -> bool:

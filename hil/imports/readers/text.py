@@ -259,7 +259,7 @@ def open_text(path: Path, stated: Format) -> Table:
     except NoNumbers as error:
         raise FileError(
             f"{path}: {error}; state header, delimiter, decimal, comment or skip in format, or"
-            " with --draft by --format KEY=VALUE"
+            " with --draft by --format KEY=VALUE, or convert the file to CSV, a column a signal"
         ) from error
     table = TextTable(path, layout)
     return Channels(table, layout.clocks) if layout.clocks else table

@@ -162,6 +162,14 @@ def test_a_counter_that_begins_anew_is_named_with_its_bits(tmp_path):
         stated(tmp_path, columns, time={"column": "t", "unit": "us"})
 
 
+def test_local_time_that_is_set_back_in_autumn_is_named(tmp_path):
+    columns = table(20.0, rate=RATE)
+    columns["t"] += 1.79e9 - 3600.0 * (columns["t"] >= 8.0)
+    words = "row 1601: local time was set back by an hour, as in autumn; add 3600 s from there on"
+    with pytest.raises(FileError, match=words):
+        stated(tmp_path, columns)
+
+
 def test_velocities_in_rpm_of_the_motor_are_named_by_unit_and_side(tmp_path):
     columns = table(20.0, rate=RATE)
     columns["v1"] *= 50 * 30 / np.pi

@@ -178,7 +178,12 @@ FILES = {
     "an empty file": ("a.csv", lambda p: p.write_text(""), "a.csv: is empty"),
     "a header alone": (
         "a.csv", lambda p: p.write_text("t,q1,q2,m1,m2\n"), "a.csv: has no row of numbers"),
-    "words": ("a.csv", lambda p: p.write_text("to be\nor not\n"), "a.csv: has no row of numbers"),
+    "words": (
+        "a.csv", lambda p: p.write_text("to be\nor not\n"),
+        "a.csv: has no row of numbers in its first lines, the first is 'to be'"),
+    "a list of a controller": (
+        "a.csv", lambda p: p.write_text("A.B[0]:=26.0F16#A4H-3\nA.B[1]:=27.0F16#A4H-3\n"),
+        "the first is 'A.B[0]:=26.0F16#A4H-3'; state header"),
     "text among numbers": (
         "a.csv", text_in_numbers, "a.csv:101: 'oops' in column 2 (q1), row 100, is not a number"),
     "nothing but NaN": (
