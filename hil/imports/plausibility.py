@@ -169,14 +169,12 @@ def _noisy(excerpts: Sequence[Excerpt], evidence: Evidence) -> Iterator[Suspicio
     band of frequencies that identification uses.
     """
     axes, period = np.flatnonzero(evidence.moves).tolist(), excerpts[0].period
-    widths = [bandwidth(each.q[:, axis], period) for each in excerpts for axis in axes]
-    band = cut_off_of(widths, period, None)[0] / BANDS
+    spectra = [(k, spectrum(e.q[:, axis], period)) for e in excerpts for k, axis in enumerate(axes)]
+    band = cut_off_of([bandwidth(*each, period) for _, each in spectra], period, None)[0] / BANDS
     powers = np.zeros((2, len(axes)))  # of the noise, and of all
-    for each in excerpts:
-        for k, axis in enumerate(axes):
-            f, power = spectrum(each.q[:, axis], period)
-            weight = ((2 * np.pi * f) ** 2 / (1 + (f / band) ** (2 * ORDER))) ** 2
-            powers[:, k] += weight.sum() * floor(f, power, period), weight @ power
+    for k, (f, power) in spectra:
+        weight = ((2 * np.pi * f) ** 2 / (1 + (f / band) ** (2 * ORDER))) ** 2
+        powers[:, k] += weight.sum() * floor(f, power, period), weight @ power
     shares = powers[0] / np.maximum(powers[1], np.finfo(float).tiny)
     if shares.max(initial=0.0) > LOWERED:
         poor = [axis for axis, share in zip(axes, shares, strict=True) if share > LOWERED]

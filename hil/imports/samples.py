@@ -119,7 +119,10 @@ def read_samples(
             last = np.empty((0, robot.n_joints))
             path = the_map.resolve(name, ("files", number))
             for block in _file_blocks(the_map, number, name, notes):
-                numbers.append(np.isfinite(block).sum(axis=0))
+                finite = np.isfinite(block)
+                numbers.append(
+                    np.full(block.shape[1], len(block)) if finite.all() else finite.sum(axis=0)
+                )
                 recorded = conversion.recorded(block)
                 unsigned[unsigned] = [could_lack_signs(x) for x in recorded[:, unsigned].T]
                 for part in np.split(block, range(IN_CACHE, len(block), IN_CACHE)):
@@ -127,15 +130,15 @@ def read_samples(
                     file.write(values.data)
                     times.append(time)
                     complete.append(np.isfinite(time) & conversion.complete(values))
-                    q = values[:, : robot.n_joints]
-                    steps = np.abs(np.diff(q, axis=0, prepend=last))
+                    q = np.concatenate([last, values[:, : robot.n_joints]]).T.copy()
+                    steps = np.abs(np.diff(q))
                     # no robot moves by more than half a turn, or half of 6 m, between samples
                     wraps += int(np.count_nonzero(steps > np.pi))
                     for kept, keep, x in zip(
                         reach, (np.fmax, np.fmax, np.fmin), (steps, q, q), strict=True
                     ):
-                        keep(kept, keep.reduce(x, axis=0, initial=np.nan), out=kept)
-                    last, n = q[-1:], n + len(time)
+                        keep(kept, keep.reduce(x, axis=1, initial=np.nan), out=kept)
+                    last, n = q[:, -1:].T, n + len(time)
                 progress(path, n - begins[-1])
             if n == begins[-1]:
                 raise FileError(f"{path}: has no rows; name a file with rows")
