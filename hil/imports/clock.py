@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from hil.imports.evidence import Suspicion
+from hil.imports.instants import EVEN
 from hil.imports.misread import FITS, OTHER, compared, other_units
 from hil.least_squares.standstill import SPAN
 
@@ -36,12 +37,20 @@ unexplained.
 
 An uneven recorder is below this share; velocities without information leave 1 or more.
 """
+TAIL = 0.01
+"""Share of rows at either end of the sampling periods that is not stated as uneven.
+
+A row in a hundred changes an estimate as little as one that is held (`stamps`).
+"""
 
 
 def clock_suspicions(
-    excerpts: Sequence[Excerpt], evidence: Evidence, robot: Robot
+    excerpts: Sequence[Excerpt], evidence: Evidence, robot: Robot, rate: float | None
 ) -> Iterator[Suspicion]:
-    """Yield suspicions of a wrong rate or unit of time, or of uneven samples, by velocities."""
+    """Yield suspicions of a wrong rate or unit of time, or of uneven samples, by velocities.
+
+    `rate` is the rate stated by the map [Hz], None for time stamps.
+    """
     shown = clocks(evidence)
     if not shown.any():
         return
@@ -59,26 +68,33 @@ def clock_suspicions(
     # a factor explained by a unit is attributed to the unit
     explained = any(abs(common / factor - 1.0) < LEAST for factor in units)
     if agreeing and not explained and abs(np.log(common)) > max(LEAST, float(error.min())):
+        has = f"the map states {rate:.5g}" if rate else f"samples are stamped at {1 / period:.5g}"
         yield Suspicion(
             "velocity",
             ("time",),
-            f"the map states {1 / period:.5g} Hz, but recorded velocities of "
+            f"{has} Hz, but recorded velocities of "
             f"{'joint' if len(ratio) == 1 else 'joints'} {joints} are {common:.4g} times the "
-            f"derivatives of the positions: at {common / period:.5g} Hz all of them fit; correct "
-            "the rate or the unit of time, or the velocities' common unit",
+            f"derivatives of the positions: at {common * (rate or 1 / period):.5g} Hz all of them "
+            f"fit; correct the {'rate' if rate else 'stamps'} or the unit of time, or the "
+            "velocities' common unit",
             certain=len(ratio) > 1 and abs(np.log(common)) > np.log(OTHER),
         )
     elif explained or abs(np.log(common)) > np.log(OTHER) or shown.sum() < 2:
         return
     elif (steps := _uneven(excerpts, shown, common)) is not None:
-        low, high = np.quantile(steps, [0.1, 0.9])
+        low, high = steps
+        remedy = (
+            "record a time stamp with each row, and name its column in place of the rate"
+            if rate
+            else "the stamps are not the instants of the samples: record the drive's own stamps, "
+            "or at a rate that divides the drive's"
+        )
         yield Suspicion(
             "velocity",
             ("time",),
-            f"samples are not equidistant: by the recorded velocities of joints {joints}, a "
-            f"tenth of the sampling periods are below {1e3 * low * period:.2g} ms, a tenth above "
-            f"{1e3 * high * period:.2g} ms, mean {1e3 * period:.3g} ms; record a time stamp with "
-            "each row, and name its column in place of the rate",
+            f"samples are not equidistant: by the recorded velocities of joints {joints}, "
+            f"sampling periods reach from {1e3 * low * period:.3g} to {1e3 * high * period:.3g} "
+            f"ms, mean {1e3 * period:.3g} ms; {remedy}",
             certain=False,
         )
 
@@ -137,26 +153,32 @@ def _ratios(excerpts: Sequence[Excerpt], evidence: Evidence, shown: Mask) -> tup
 
 
 def _uneven(excerpts: Sequence[Excerpt], shown: Mask, common: float) -> Array | None:
-    """Return the times between samples by velocities, in periods; None if the joints disagree.
+    """Return the least and greatest usual time between samples by velocities, in periods.
+
+    None if samples are even, or the joints disagree.
 
     The steps of each joint are predicted by the time from the velocities of the others. The factor
     `common` to all velocities changes no step relative to another.
     """
-    every = []
-    left, whole = np.zeros(int(shown.sum())), np.zeros(int(shown.sum()))
+    rows = []
     for each in excerpts:
         qd = (each.qd[1:, shown] + each.qd[:-1, shown]) / (2 * common)
         scale = np.sqrt(np.mean(qd**2, axis=0)) * each.period
         step, speed = np.diff(each.q[:, shown], axis=0) / scale, qd * each.period / scale
         # a step is predicted if the other joints are fast: a third of one joint's mean square
-        fast = (speed**2).sum(axis=1)[:, None] - speed**2 > 1.0 / 3.0
-        others = (step * speed).sum(axis=1)[:, None] - step * speed
         power = (speed**2).sum(axis=1)[:, None] - speed**2
+        fast = power > 1.0 / 3.0
+        others = (step * speed).sum(axis=1)[:, None] - step * speed
         foretold = others / np.where(fast, power, 1.0)
-        left += np.where(fast, (step - speed * foretold) ** 2, 0.0).sum(axis=0)
-        whole += np.where(fast, (step - speed) ** 2, 0.0).sum(axis=0)
-        some = (speed**2).sum(axis=1) > 1.0 / 3.0
-        every.append(((step * speed).sum(axis=1) / (speed**2).sum(axis=1).clip(1e-300))[some])
-    if not np.all(left < FORETOLD * whole):
+        left = np.where(fast, (step - speed * foretold) ** 2, 0.0)
+        whole = np.where(fast, (step - speed) ** 2, 0.0)
+        size = (speed**2).sum(axis=1)
+        passed = np.where(size > 1.0 / 3.0, (step * speed).sum(axis=1) / size.clip(1e-300), np.nan)
+        rows.append((left, whole, passed))
+    left, whole, passed = map(np.concatenate, zip(*rows, strict=True))
+    off = whole.sum(axis=1)
+    usual = off <= np.quantile(off, 1 - 2 * TAIL)
+    if not np.all(left[usual].sum(axis=0) < FORETOLD * whole[usual].sum(axis=0)):
         return None
-    return np.concatenate(every)
+    steps = np.quantile(passed[np.isfinite(passed)], [TAIL, 1 - TAIL])
+    return steps if np.ptp(steps) > 2 * EVEN else None

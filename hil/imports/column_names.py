@@ -33,8 +33,8 @@ OTHER = "other"
 _JOINTS = {"joint", "axis", "motor", "j"}
 _TIMES = {"t", "time", "times", "timestamp", "timestamps", "stamp", "secs", "seconds", "ipoc"}
 _TIMES |= {"tout", "duration", "zeit"}
-_TIME_AXIS = "x_value"
-"""Name of the time axis in measurement files of LabVIEW, in small letters."""
+_TIME_AXES = {"x_value", "ts"}
+"""Names of a time axis, in small letters: in measurement files of LabVIEW, and short for stamps."""
 SECOND_WORDS = {"sec", "secs", "second", "seconds", "s"}
 NANOSECOND_WORDS = {"nanosec", "nanosecs", "nanosecond", "nanoseconds", "nsec", "nsecs", "ns"}
 _SET_POINTS = {"ref", "reference", "des", "desired", "cmd", "command", "target", "set", "goal"}
@@ -52,7 +52,7 @@ def words_of(name: str) -> list[str]:
 
 def is_time(name: str) -> bool:
     """Return True for a name of time stamps."""
-    return name.lower() == _TIME_AXIS or bool(_TIMES.intersection(words_of(name)))
+    return name.lower() in _TIME_AXES or bool(_TIMES.intersection(words_of(name)))
 
 
 def meaning_of(name: str, *, rises: bool) -> tuple[str, list[str]]:

@@ -146,7 +146,8 @@ def _time_of(table: Table, columns: Sequence[SeenColumn]) -> tuple[SeenColumn, .
     named = [c for c in (*rising, *again) if is_time(c.name)]
     # the first column of an array, as written by Simulink
     unnamed = [column for column in rising if not column.name or column.name.endswith("/1")]
-    return tuple([*named, *unnamed][:1])
+    dated = [c for c in rising if units_of_date(c.low) and units_of_date(c.high)]
+    return tuple([*named, *unnamed, *dated][:1])
 
 
 def _stamp_in_two(columns: Sequence[SeenColumn]) -> tuple[SeenColumn, ...]:
@@ -325,7 +326,8 @@ def _joint(
             continue
         unit = stated_unit(key, column.name) if column else ""
         if column and unit:
-            yield f"      unit: {unit} # by its name; up to {column.most:.4g}"
+            written = quoted(unit) if unit == "%" else unit
+            yield f"      unit: {written} # by its name; up to {column.most:.4g}"
         else:
             yield f"      unit: {mark_unstated(f'{_UNITS[key]}{_guess(key, column)}')}"
         if unit.startswith("counts"):
@@ -403,7 +405,7 @@ def look(table: Table) -> tuple[list[SeenColumn], int, dict[str, str]]:
                 columns[index] = _first_rows(table, [index])[:, 0]
             except FileError as error:
                 name = table.names[index] or f"column {index + 1}"
-                if f"{name}/1" not in table.names:
+                if not any(other.startswith((f"{name}/", f"{name}.")) for other in table.names):
                     empty[name] = _reason(error, table.path)
     looked_at = max(map(len, columns.values()), default=0)
     seen = []

@@ -138,6 +138,7 @@ def interpret(
     found = suspicions(
         excerpts, evidence, robot, moving, the_map.unknown_gains, the_map.passive,
         partial(positions_reached, samples, [stretch.rows for stretch in timing.stretches]),
+        the_map.content.time.rate if the_map.content.time else None,
     )  # fmt: skip
     # the following checks of the rate use the remaining rows only
     if (held := timing.counts.held) > 1:

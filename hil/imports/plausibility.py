@@ -13,6 +13,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from hil.estimation.free_motion.motion import BANDS, ORDER
+from hil.estimation.free_motion.settings import bandwidth, cut_off_of, floor, spectrum
 from hil.imports.clock import clock_suspicions
 from hil.imports.evidence import Suspicion
 from hil.imports.held import fast_steps, repeats
@@ -23,6 +25,7 @@ from hil.imports.misread import (
     misread_velocities,
     range_suspicions,
     small,
+    unmeasurable,
 )
 from hil.imports.two_clocks import clock_of_velocities
 from hil.model.frames import ROUNDED_OFF
@@ -33,6 +36,8 @@ if TYPE_CHECKING:
     from hil.arrays import Array, Mask
     from hil.imports.evidence import Evidence, Excerpt
     from hil.model.robot import Robot
+LOWERED = 0.02
+"""Minimum reported bias of inertias: their usual error in a good identification."""
 
 
 def suspicions(
@@ -43,6 +48,7 @@ def suspicions(
     unknown_gains: Sequence[int] = (),
     passive: Sequence[int] = (),
     reached: Callable[[], tuple[Array, Array]] | None = None,
+    rate: float | None = None,
 ) -> list[Suspicion]:
     """Return all suspicions, certain ones first.
 
@@ -62,16 +68,18 @@ def suspicions(
     reached : callable, optional
         Function that returns the least and greatest recorded positions; those of the excerpts by
         default.
+    rate : float, optional
+        Rate stated by the map [Hz], where it names no column of time.
     """
     ranges = range_suspicions(evidence, robot, unknown_gains, reached)
-    found = [*_still(evidence, robot, alone, passive), *ranges]
+    found = [*unmeasurable(evidence), *_still(evidence, robot, alone, passive), *ranges]
     if not any(suspicion.certain for suspicion in found):
         found += misread_torques(excerpts, evidence, robot)
         most = np.abs(evidence.tau).max(axis=0)
         low = [] if unknown_gains else [*small(evidence, robot, "torque", most, robot.torque_limit)]
         found += low
     if not any(suspicion.certain for suspicion in found):  # otherwise no equations are needed
-        clock = list(clock_suspicions(excerpts, evidence, robot))
+        clock = list(clock_suspicions(excerpts, evidence, robot, rate))
         # a common factor of all velocities gives a single suspicion, not further ones of speeds and
         # positions
         found = clock + found
@@ -85,7 +93,7 @@ def suspicions(
         wrong = any(suspicion.certain for suspicion in found)
         held = [] if wrong else list(_held(excerpts, evidence))
         found += held
-        found += () if clock or held else _coarse(evidence, robot)
+        found += () if clock or held else _noisy(excerpts, evidence)
     if not any(suspicion.certain for suspicion in found):
         ways, widths = np.ptp(evidence.q, axis=0), robot.q_max - robot.q_min
         found += small(evidence, robot, "position", ways, widths) if alone is None else ()
@@ -154,15 +162,28 @@ def coarse(evidence: Evidence) -> Mask:
     return np.asarray(evidence.noise_qdd**2 > power / 2)
 
 
-def _coarse(evidence: Evidence, robot: Robot) -> Iterator[Suspicion]:
-    """Yield suspicions of positions whose noise dominates the accelerations."""
-    for joint in np.flatnonzero(evidence.moves & coarse(evidence)).tolist():
-        unit = robot.position_unit(joint)
+def _noisy(excerpts: Sequence[Excerpt], evidence: Evidence) -> Iterator[Suspicion]:
+    """Yield a suspicion of positions whose noise lowers the identified inertias.
+
+    Noise has the share of the accelerations' power by which least squares lowers inertias, in the
+    band of frequencies that identification uses.
+    """
+    axes, period = np.flatnonzero(evidence.moves).tolist(), excerpts[0].period
+    spectra = [(k, spectrum(e.q[:, axis], period)) for e in excerpts for k, axis in enumerate(axes)]
+    band = cut_off_of([bandwidth(*each, period) for _, each in spectra], period, None)[0] / BANDS
+    powers = np.zeros((2, len(axes)))  # of the noise, and of all
+    for k, (f, power) in spectra:
+        weight = ((2 * np.pi * f) ** 2 / (1 + (f / band) ** (2 * ORDER))) ** 2
+        powers[:, k] += weight.sum() * floor(f, power, period), weight @ power
+    shares = powers[0] / np.maximum(powers[1], np.finfo(float).tiny)
+    if shares.max(initial=0.0) > LOWERED:
+        poor = [axis for axis, share in zip(axes, shares, strict=True) if share > LOWERED]
         yield Suspicion(
             "velocity",
-            ("joints", joint, "position"),
-            f"is too noisy: accelerations are uncertain by ±{evidence.noise_qdd[joint]:.2g} "
-            f"{unit}/s², more than those of the motion; record the encoder's full resolution, or "
-            "faster motion",
+            ("joints", poor[0], "position"),
+            f"noise of positions is {100 * shares.max():.2g} % of the accelerations up to "
+            f"{band:.2g} Hz, those that identification uses, at most {100 * LOWERED:g} % allowed "
+            f"(joints {', '.join(str(axis + 1) for axis in poor)}): inertias are lowered by as "
+            "much; record the encoder's full resolution, or faster motion",
             certain=False,
         )

@@ -119,7 +119,10 @@ def read_samples(
             last = np.empty((0, robot.n_joints))
             path = the_map.resolve(name, ("files", number))
             for block in _file_blocks(the_map, number, name, notes):
-                numbers.append(np.isfinite(block).sum(axis=0))
+                finite = np.isfinite(block)
+                numbers.append(
+                    np.full(block.shape[1], len(block)) if finite.all() else finite.sum(axis=0)
+                )
                 recorded = conversion.recorded(block)
                 unsigned[unsigned] = [could_lack_signs(x) for x in recorded[:, unsigned].T]
                 for part in np.split(block, range(IN_CACHE, len(block), IN_CACHE)):
@@ -127,15 +130,15 @@ def read_samples(
                     file.write(values.data)
                     times.append(time)
                     complete.append(np.isfinite(time) & conversion.complete(values))
-                    q = values[:, : robot.n_joints]
-                    steps = np.abs(np.diff(q, axis=0, prepend=last))
+                    q = np.concatenate([last, values[:, : robot.n_joints]]).T.copy()
+                    steps = np.abs(np.diff(q))
                     # no robot moves by more than half a turn, or half of 6 m, between samples
                     wraps += int(np.count_nonzero(steps > np.pi))
                     for kept, keep, x in zip(
                         reach, (np.fmax, np.fmax, np.fmin), (steps, q, q), strict=True
                     ):
-                        keep(kept, keep.reduce(x, axis=0, initial=np.nan), out=kept)
-                    last, n = q[-1:], n + len(time)
+                        keep(kept, keep.reduce(x, axis=1, initial=np.nan), out=kept)
+                    last, n = q[:, -1:].T, n + len(time)
                 progress(path, n - begins[-1])
             if n == begins[-1]:
                 raise FileError(f"{path}: has no rows; name a file with rows")
@@ -159,7 +162,42 @@ def read_samples(
         time -= np.nanmin(time)
     present = tuple(np.sum(numbers, axis=0).tolist())
     whole = np.concatenate(complete)
+    common = np.count_nonzero(whole)
+    # few common rows, and apart: by chance
+    if common < min(present) / 10 and np.count_nonzero(whole[1:] & whole[:-1]) <= common / 10:
+        _refuse_apart(the_map)
     return Samples(time, values, whole, tuple(begins), from_date, wraps, present, tuple(notes))
+
+
+def _refuse_apart(the_map: MapFile) -> None:
+    """Refuse columns that have numbers in other rows than other columns, by name."""
+    file, time = the_map.content.files[0], the_map.content.time
+    wanted = [(at, each.column) for at, each in columns_of(the_map) if each and at[0] == "joints"]
+    blocks = _file_blocks(the_map, 0, file, {})
+    shown = np.concatenate([np.isfinite(block[:, -len(wanted) :]) for block in blocks])
+    counts, joint = shown.sum(axis=0), shown.T.astype(float) @ shown
+    groups: dict[int, list[str]] = {}  # names of columns, by the first column
+    for column, (_, name) in enumerate(wanted):
+        alike = (g for g in groups if joint[g, column] > min(counts[g], counts[column]) / 2)
+        groups.setdefault(next(alike, column), []).append(str(name))
+    if len(groups) < 2:
+        return
+    parts = [f"{', '.join(names)} in {counts[first]}" for first, names in groups.items()]
+    remedy = ""
+    # dates as text have the unit ns
+    if file.endswith(".csv") and time and time.column and time.unit != "ns":
+        stamp, kept = repr(time.column.column), repr(wanted[0][1])
+        remedy = (
+            f", as by pandas: d = pandas.read_csv({file!r}, sep=None, engine='python').set_index("
+            f"{stamp}).select_dtypes('number'); d = d.interpolate('index')[d[{kept}].notna()]"
+            "; d.to_csv('joined.csv')"
+        )
+    raise the_map.wrong(
+        wanted[0][0],
+        f"columns have numbers in different rows: of {len(shown)} rows of {file}, "
+        f"{'; '.join(parts)}; like topics with stamps of their own: record them together, or "
+        f"interpolate all of them at the stamps of the positions{remedy}",
+    )
 
 
 def positions_reached(samples: Samples, parts: Sequence[Integers]) -> tuple[Array, Array]:

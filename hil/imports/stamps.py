@@ -128,6 +128,7 @@ def timing_of(samples: Samples, segments: list[Integers], *, trusted: bool = Fal
         ordered = [measured(samples, rows, counts.held) for rows in ordered]
         counts.repeated = published - sum(map(len, ordered))
         period = _period([samples.time[rows] for rows in ordered])
+        trusted = False  # the stated rate is that of the rows, not of the measurements
     ordered = [_drop_held(samples, rows, period, counts) for rows in ordered]
     parts = [
         part
@@ -197,7 +198,9 @@ def _ordered(samples: Samples, rows: Integers, period: float, counts: Counts) ->
 
 
 def _wrapped(fall: float, period: float) -> str:
-    """Return words for a fall of stamps by the range of a counter; empty for other falls."""
+    """Return words for a fall of stamps by the range of a counter, or by an hour, else none."""
+    if abs(fall - 3600.0) < 2.5 * period:
+        return ": local time was set back by an hour, as in autumn; add 3600 s from there on"
     for bits in (16, 32):
         for unit, seconds in SECONDS.items():
             if abs(fall - 2.0**bits * seconds) < 2.5 * period:

@@ -31,7 +31,7 @@ _SHOWN, _LISTED = 12, 4
 TimeUnit = Literal["s", "ms", "us", "100 ns", "ns", "min"]
 PositionUnit = Literal["rad", "deg", "turns", "rev", "m", "mm", "counts"]
 VelocityUnit = Literal["rad/s", "deg/s", "turns/s", "rev/s", "rpm", "m/s", "mm/s", "counts/s"]
-TorqueUnit = Literal["N m", "N", "A", "V", "per mille"]
+TorqueUnit = Literal["N m", "N", "A", "V", "%", "per mille"]
 
 SECONDS: dict[TimeUnit, float] = {
     "s": 1.0, "ms": 1e-3, "us": 1e-6, "100 ns": 1e-7, "ns": 1e-9, "min": 60.0,
@@ -91,11 +91,12 @@ SPELLINGS: dict[str, dict[str, str]] = {
         "n": "N",
         **dict.fromkeys(("a", "aeff", "arms", "a_rms", "amp", "amps", "ampere"), "A"),
         **dict.fromkeys(("v", "volt", "volts"), "V"),
+        **dict.fromkeys(("%", "percent"), "%"),
         **dict.fromkeys(("\u2030", "permille"), "per mille"),
     },
 }
 """Units of maps by their spellings in names of columns, in small letters without blanks."""
-NEEDS_GAIN = ("A", "V", "per mille")
+NEEDS_GAIN = ("A", "V", "%", "per mille")
 """Units of torque that need a gain."""
 
 
@@ -149,7 +150,7 @@ class Table(Protocol):
 def column_of(table: Table, column: int | str) -> int:
     """Return the index, from 0, of a column given by number from 1 or by name.
 
-    A name may omit the unit, `` [UNIT]``.
+    A name may omit the unit, ``[UNIT]``.
 
     Raises
     ------
@@ -162,7 +163,7 @@ def column_of(table: Table, column: int | str) -> int:
         raise NoColumn(f"{table.path} has {len(table.names)} columns, but no column {column}")
     names = list(enumerate(table.names))
     found = [index for index, name in names if name == column]
-    found = found or [index for index, name in names if name.rpartition(" [")[0] == column]
+    found = found or [index for index, name in names if name.rpartition("[")[0].rstrip() == column]
     if len(found) == 1:
         return found[0]
     quoted = f"'{whole_line(column)}'"  # escaped names are not escaped again

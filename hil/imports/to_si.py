@@ -10,12 +10,14 @@ nanoseconds. So the first row is subtracted from the columns before adding, and 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from checked_files.yaml_file import FileError
 from hil.imports.tables import JOINT_TYPES, ROWS, SECONDS, STAMP_UNITS, position_factor
+from hil.model.readers.urdf import read_urdf
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -208,7 +210,8 @@ def _refuse_unfit(the_map: MapFile, robot: Robot) -> None:
         raise the_map.wrong(
             ("joints",),
             f"{len(content.joints)} joints must be {robot.n_joints}, one for each joint of"
-            f" {robot.name}, in the robot's order",
+            f" {robot.name}, in the robot's order: {', '.join(robot.joint_names)}"
+            f"{_shorter_chain(the_map, robot)}",
         )
     problems = []
     for number, joint in enumerate(content.joints):
@@ -239,6 +242,19 @@ def _refuse_unfit(the_map: MapFile, robot: Robot) -> None:
         )
     if problems:
         raise FileError("\n".join(map(str, problems)))
+
+
+def _shorter_chain(the_map: MapFile, robot: Robot) -> str:
+    """Return the remedy for a chain of a URDF that goes on beyond the recorded joints."""
+    n, stated = len(the_map.content.joints), the_map.content.robot
+    if not 0 < n < robot.n_joints or Path(robot.source).suffix != ".urdf":
+        return ""
+    link = read_urdf(robot.source, stated.base, stated.tip).joints[n - 1].link
+    base = f"from: {stated.base}, " if stated.base else ""
+    return (
+        f"; if the recording has the first {n}, end the chain: robot: {{urdf: "
+        f"{stated.urdf or stated.name}, {base}to: {link}}}"
+    )
 
 
 def _motor_remedy(part: Position | Velocity | Torque) -> str:

@@ -33,7 +33,7 @@ from hil.estimation.back_and_forth.pairs import pairs_of
 from hil.estimation.condensed import ROTOR
 from hil.estimation.free_motion.columns import axis_columns, shared_names
 from hil.estimation.free_motion.motion import Processing, filtered_motion, low_passed
-from hil.estimation.free_motion.settings import bandwidth, cut_off_of
+from hil.estimation.free_motion.settings import bandwidth, cut_off_of, spectrum
 from hil.estimation.free_motion.survey import SLOWEST, greatest_speed
 from hil.friction.ripple import RIPPLE_ORDERS, ripple_orders
 from hil.friction.terms import BEND, CLASSICAL, COLUMNS, RIPPLE
@@ -136,7 +136,7 @@ def halves_of(robot: Robot, motion: FreeMotion, recording: Recording) -> Halves:
         No pair is usable.
     """
     (axis,) = motion.moved
-    width = bandwidth(recording.q[:, axis], recording.period)
+    width = bandwidth(*spectrum(recording.q[:, axis], recording.period), recording.period)
     cut_off, reason = cut_off_of([width], recording.period, motion.cut_off)
     none, speed = np.zeros(recording.n_joints), np.ones(recording.n_joints)
     speed[axis] = max(greatest_speed(recording)[axis], SLOWEST)

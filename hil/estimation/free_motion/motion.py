@@ -38,6 +38,8 @@ COARSE = 4.0
 """Fewest used samples in a period of the equation's cut-off frequency."""
 REACH = 2.0
 """Periods of the cut-off frequency until the filter response is below a hundredth."""
+BANDS = 3.0
+"""Cut-off frequency of the positions over that of torque and columns."""
 ORDER = 4
 """Order of the filter run forth and back."""
 

@@ -32,7 +32,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from scipy import fft
 
-from hil.estimation.free_motion.motion import FINE, Processing, low_passed, reach
+from hil.estimation.free_motion.motion import BANDS, FINE, Processing, low_passed, reach
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -74,14 +74,17 @@ def processing_of(found: Survey) -> tuple[Processing, Reasons]:
     """Choose the settings for the recordings, with reasons."""
     period = found.stretches[0].period
     moving = [axis for axis in range(len(found.speed)) if axis not in found.still]
-    each = [bandwidth(part.q[:, axis], period) for part in _long(found) for axis in moving]
+    each = [
+        bandwidth(*spectrum(part.q[:, axis], period), period)
+        for part in _long(found)
+        for axis in moving
+    ]
     cut_off, reason = cut_off_of(each, period, found.cut_off)
     sources = velocity_sources(_long(found), cut_off)
     recorded = np.array([source.recorded for source in sources])
     reasons = Reasons(reason, tuple(source.reason for source in sources))
     none = np.zeros(len(found.speed))
-    # cut-off frequency of the positions over that of torque and columns
-    return Processing(cut_off, cut_off / 3.0, found.speed, recorded, none, none), reasons
+    return Processing(cut_off, cut_off / BANDS, found.speed, recorded, none, none), reasons
 
 
 def cut_off_of(
@@ -121,9 +124,8 @@ def _long(found: Survey) -> list[Recording]:
     return sorted(found.stretches, key=lambda part: -part.n_samples)[:10]
 
 
-def bandwidth(x: Array, period: float) -> float:
-    """Return the highest frequency at which a signal exceeds its noise floor [Hz]."""
-    f, power = spectrum(x, period)
+def bandwidth(f: Array, power: Array, period: float) -> float:
+    """Return the highest frequency at which a spectrum exceeds its noise floor [Hz]."""
     low = np.flatnonzero(power[2:] < ABOVE * floor(f, power, period))
     return float(f[2 + low[0]]) if len(low) else float(f[-1])
 

@@ -5,8 +5,11 @@ from __future__ import annotations
 import re
 from collections import Counter
 from dataclasses import dataclass
+from itertools import groupby
+from operator import itemgetter
 from typing import TYPE_CHECKING
 
+from checked_files.foreign_text import one_line
 from hil.imports.tables import SPELLINGS
 
 if TYPE_CHECKING:
@@ -32,8 +35,16 @@ _UNITS = {"", "-", "1", "%", "ma", "mv", "rad/s^2", "rad/s2", "m/s^2", "m/s2"}.u
 _IN_BRACKETS = re.compile(r"\[[^\]]*\]|\([^)]*\)")
 
 
+_JOINT_WORDS = {"joint", "axis", "motor", "servo", "id", "name", "index"}
+"""Words in the name of a column that numbers the joints of a long layout."""
+
+
 class NoNumbers(Exception):
     """First lines without a row of numbers."""
+
+
+class LongLayout(Exception):
+    """Rows of a single joint or value each; the message states how to widen the table."""
 
 
 @dataclass(frozen=True)
@@ -81,6 +92,8 @@ def layout_of(text: str, stated: Format) -> Layout:
     ------
     NoNumbers
         No row of numbers is found, or lines that cannot be rows.
+    LongLayout
+        Each row holds the values of one joint, or one value.
     """
     lines = text.split("\n")
     settings = [number for number, line in enumerate(lines) if line.startswith(_END_OF_SETTINGS)]
@@ -97,7 +110,7 @@ def layout_of(text: str, stated: Format) -> Layout:
     decimal = stated.decimal or _decimal(last, delimiter)
     rows = [(number, cells(line, delimiter)) for number, line in used]
     scope = _find_scope_row([row for _, row in rows])
-    first = _first_row(rows, decimal, stated, whole=bool(scope))
+    first = _first_row(rows, delimiter, decimal, stated, whole=bool(scope))
     skipped, width = rows[first][0], len(rows[first][1])
     if scope:
         # a scope may end its file with EOF
@@ -107,7 +120,57 @@ def layout_of(text: str, stated: Format) -> Layout:
     names = _names(above) if first else _find_comment_names(lines, rows[0][0], stated)
     if len(names) != width and not (first and stated.header):
         names = () if not first else (*names, *[""] * width)[:width]
+    _refuse_long([row for _, row in rows[first:]], names or ("",) * width, delimiter, decimal)
     return Layout(delimiter, decimal, stated.comment, names or ("",) * width, skipped, width)
+
+
+def _refuse_long(
+    rows: Sequence[Sequence[str]], names: Sequence[str], delimiter: str, decimal: str
+) -> None:
+    """Refuse rows of which several in turn have one stamp and the names of different joints."""
+    if {"_time", "_field", "_value"} <= set(names):  # of InfluxDB
+        tags = [n for n in names if n and n[0] != "_" and n not in {"result", "table"}]
+        tags = ["_field", *["_measurement"] * ("_measurement" in names), *tags]
+        read = ", comment='#', parse_dates=['_time'], date_format='ISO8601'"
+        raise LongLayout(
+            "is in InfluxDB's long layout: each row has one value, with its name in _field;"
+            + _widen(read, "_time", f"{tags}, values='_value'")
+        )
+    whole = [row for row in rows if len(row) == len(names)][:-1]  # the last one may be cut
+    keys = [name or column for column, name in enumerate(names)]
+    for column, name in enumerate(names):
+        joints = list(dict.fromkeys(row[column] for row in whole))
+        text = not any(_is_number(each, decimal) or each.lower() in MISSING for each in joints)
+        numbered = _JOINT_WORDS.intersection(re.findall("[a-z]+", name.lower()))
+        if not 2 <= len(joints) <= len(whole) / 3 or not (text or numbered):
+            continue
+        for stamp in set(range(len(names))) - {column}:
+            groups = [
+                [row[column] for row in group] for _, group in groupby(whole, itemgetter(stamp))
+            ]
+            several = all(len(each) == len(set(each)) for each in groups)
+            stamps = len({row[stamp] for row in whole})
+            if several and 2 < stamps == len(groups) < len(whole) / 1.5:
+                read = "" if any(names) else ", header=None"
+                blanks = delimiter.replace(" ", r"\s+")
+                read += f", sep={blanks!r}" * (delimiter != ",")
+                read += f", decimal={decimal!r}" * (decimal != ".")
+                if DATE.match(whole[0][stamp]):
+                    read += f", parse_dates=[{keys[stamp]!r}], date_format='ISO8601'"
+                raise LongLayout(
+                    f"is in a long layout: each {keys[stamp]} has {max(map(len, groups))} rows, "
+                    f"one for each of {', '.join(joints[:12])} in column {keys[column]};"
+                    + _widen(read, keys[stamp], repr(keys[column]))
+                )
+
+
+def _widen(read: str, index: object, columns: str) -> str:
+    """Return the remedy for a long layout: a table with a row for each stamp."""
+    return (
+        f" make a row of each {index}, as by pandas: d = pandas.read_csv(FILE{read}).pivot("
+        f"index={index!r}, columns={columns}); d.columns = ['_'.join(map(str, c)) for c in"
+        " d.columns]; d.to_csv('wide.csv')"
+    )
 
 
 def instant(cell: str) -> str:
@@ -160,7 +223,12 @@ def _decimal(lines: Sequence[str], delimiter: str) -> str:
 
 
 def _first_row(
-    rows: Sequence[tuple[int, list[str]]], decimal: str, stated: Format, *, whole: bool
+    rows: Sequence[tuple[int, list[str]]],
+    delimiter: str,
+    decimal: str,
+    stated: Format,
+    *,
+    whole: bool,
 ) -> int:
     """Return the index of the first row of numbers in `rows`; with `whole`, without any text."""
     if stated.header is not None:
@@ -178,7 +246,8 @@ def _first_row(
         as_wide = index + 1 == len(rows) or len(row) >= len(rows[index + 1][1])
         if index and numbers >= 2 and as_wide and not whole:
             return index
-    raise NoNumbers("has no row of numbers in its first lines")
+    first = one_line(delimiter.join(rows[0][1]), 60)
+    raise NoNumbers(f"has no row of numbers in its first lines, the first is {first!r}")
 
 
 def _lacks_names(rows: Sequence[Sequence[str]], decimal: str) -> bool:

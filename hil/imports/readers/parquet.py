@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import json
 import re
+from contextlib import suppress
 from functools import cached_property
 from io import BytesIO
 from itertools import chain, islice
@@ -234,6 +235,10 @@ def open_json(path: Path, _: Format) -> ParquetTable:
     try:
         with file_errors(path, "read"):
             table = read_json(_lines(path, path.read_text(encoding="utf-8")) or path)
+        for number, name in enumerate(table.column_names):
+            with suppress(ArrowException):  # numbers as strings, as by some message queues
+                kind = _numeric(table.schema.types[number])
+                table = table.set_column(number, name, table.column(number).cast(kind))
     except (ArrowException, ValueError, AttributeError, RecursionError) as error:
         raise FileError(
             f"{path}: is neither a JSON list of objects nor JSON lines, one object per sample: "
@@ -340,6 +345,17 @@ def _is_number(kind: Any) -> bool:
 
     known = (types.is_integer, types.is_floating, types.is_boolean, types.is_decimal)
     return any(check(kind) for check in (*known, types.is_timestamp))
+
+
+def _numeric(kind: Any) -> Any:
+    """Return a type of Arrow with numbers in place of text."""
+    import pyarrow as pa  # noqa: PLC0415 - optional
+
+    if pa.types.is_struct(kind):
+        return pa.struct([(field.name, _numeric(field.type)) for field in kind])
+    if pa.types.is_list(kind):
+        return pa.list_(_numeric(kind.value_type))
+    return pa.float64() if pa.types.is_string(kind) else kind
 
 
 def _within(column: Any, place: _Place) -> Any:

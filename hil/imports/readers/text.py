@@ -28,6 +28,7 @@ from hil.imports.readers.layout import (
     DATE,
     MISSING,
     Layout,
+    LongLayout,
     NoNumbers,
     cells,
     decoded,
@@ -190,7 +191,7 @@ class TextTable:
             return float(cell.replace(self._layout.decimal, "."))
         if DATE.match(cell):
             with suppress(ValueError):
-                return float(np.datetime64(instant(cell), "ns").astype(np.int64))
+                return float(_nanoseconds([cell])[0])
         name = f" ({self.names[column]})" if self.names[column] else ""
         raise FileError(
             f"{at}: '{one_line(cell, 40)}' in column {column + 1}{name}, row {row}, is not a "
@@ -215,9 +216,16 @@ def _numbers(cells: NDArray[np.str_]) -> Array:
     if not all(map(DATE.match, cells[~missing])):
         raise ValueError
     found = np.full(len(cells), np.nan)
-    instants = np.array([instant(cell) for cell in cells[~missing].tolist()], dtype=np.str_)
-    found[~missing] = instants.astype("datetime64[ns]").astype(float)
+    found[~missing] = _nanoseconds(cells[~missing].tolist())
     return found
+
+
+def _nanoseconds(cells: Sequence[str]) -> Array:
+    """Return instants, with or without an offset from UTC, as numbers [ns]."""
+    with warnings.catch_warnings():
+        warnings.filterwarnings("ignore", "no explicit representation of timezones")
+        instants = np.array([instant(cell) for cell in cells], dtype="datetime64[ns]")
+    return instants.astype(np.float64)
 
 
 def open_text(path: Path, stated: Format) -> Table:
@@ -246,10 +254,12 @@ def open_text(path: Path, stated: Format) -> Table:
             return opened(path, _lines(path))
     try:
         layout = layout_of_lists(head, stated) if LIST.search(head) else layout_of(text, stated)
+    except LongLayout as error:
+        raise FileError(f"{path}: {str(error).replace('(FILE', f'({path.name!r}')}") from error
     except NoNumbers as error:
         raise FileError(
             f"{path}: {error}; state header, delimiter, decimal, comment or skip in format, or"
-            " with --draft by --format KEY=VALUE"
+            " with --draft by --format KEY=VALUE, or convert the file to CSV, a column a signal"
         ) from error
     table = TextTable(path, layout)
     return Channels(table, layout.clocks) if layout.clocks else table

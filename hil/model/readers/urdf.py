@@ -312,8 +312,11 @@ class UrdfReader:
             elif own:
                 chains[tip] = (len(own), edges)
         most = max((n for n, _ in chains.values()), default=0)
+        longest = {str(e.element.get("name")) for n, edges in chains.values() if n == most
+                   for e in edges}  # fmt: skip
         for n, mimic in following:
-            if n > most or not chains:
+            # a joint at the end of the arm that follows one of the arm's joints moves with the arm
+            if n > most or (n == most and _followed(mimic) in longest):
                 raise self._mimics(mimic)
         if not chains:
             raise FileError(
@@ -331,12 +334,13 @@ class UrdfReader:
 
     def _mimics(self, element: Element) -> FileError:
         """Return the error for a mimic joint in the chain."""
-        mimic = element.find("mimic")
-        other = None if mimic is None else mimic.get("joint")
+        parent = element.find("parent")
+        before = None if parent is None else parent.get("link")
         return self.file.wrong(
             element,
-            f"joint {element.get('name')!r} mimics another one, {other!r}, and has no motor of its"
-            " own, which is not modelled: end the chain before it with --to. If a motor turns it,"
+            f"joint {element.get('name')!r} mimics another one, {_followed(element)!r}, and has no"
+            f" motor of its own, which is not modelled: end the chain before it with --to {before},"
+            f" in a map by robot: {{urdf: {self._path.name}, to: {before}}}. If a motor turns it,"
             " remove <mimic>; if that motor turns with two joints, as in a parallelogram drive,"
             " state couplings in a robot file, too",
         )
@@ -446,6 +450,12 @@ class UrdfReader:
     def _number(self, element: Element | None, key: str) -> float:
         found = None if element is None else self.file.numbers(element, key, 1)
         return math.nan if found is None else found[0]
+
+
+def _followed(element: Element) -> str | None:
+    """Return the name of the joint that a joint mimics."""
+    mimic = element.find("mimic")
+    return None if mimic is None else mimic.get("joint")
 
 
 def _limit(stated: float, greatest: float) -> float:

@@ -47,6 +47,39 @@ def test_rows_that_are_uneven_by_all_velocities_are_named(tmp_path):
     assert "record a time stamp with each row" in one.message
 
 
+def test_remedies_for_stamps_are_not_those_for_a_rate(tmp_path):
+    steps = np.random.default_rng(3).choice([0.004, 0.008], 4000, p=[0.75, 0.25])
+    columns = table(time=np.concatenate([[0.0], np.cumsum(steps)]))
+    columns["t"] = 0.005 * np.arange(4001)
+    (one,) = stated(tmp_path, columns).suspicions
+    assert re.search(r"periods reach from 3.9\d to 7.9\d ms, mean 5 ms; the stamps", one.message)
+    assert "in place of the rate" not in one.message
+
+
+def test_stamps_that_all_velocities_contradict_are_no_rate_of_the_map(tmp_path):
+    columns = table(20.0, rate=RATE)
+    (one,) = stated(tmp_path, columns | {"t": columns["t"] / 1.05}).suspicions
+    assert one.message.startswith("samples are stamped at 210 Hz, but")
+    assert "at 200 Hz all of them fit; correct the stamps" in one.message
+
+
+def test_the_rate_of_held_rows_is_that_of_the_map(tmp_path):
+    columns = table(20.0, rate=50.0)
+    held = {name: np.repeat(x, 4) for name, x in columns.items()}
+    (one,) = stated(tmp_path, held, time={"rate": 210.0}).suspicions
+    assert "the map states 210 Hz, but" in one.message
+    assert re.search(r"at (199\.\d+|200) Hz all of them fit", one.message)
+
+
+@pytest.mark.parametrize("late", [1, 5])
+def test_few_late_samples_do_not_make_all_of_them_uneven(tmp_path, late):
+    columns = table(20.0, rate=RATE)
+    at = np.arange(400, 3600, 400)[:late]
+    for name in ("q1", "q2", "v1", "v2"):
+        columns[name][at] = (columns[name][at] + 3 * columns[name][at - 1]) / 4
+    assert stated(tmp_path, columns).suspicions == ()
+
+
 def test_a_factor_that_all_velocities_have_in_common_makes_no_row_uneven(tmp_path):
     columns = table(20.0, rate=RATE)
     columns |= {name: 0.993 * columns[name] for name in ("v1", "v2")}
@@ -127,6 +160,14 @@ def test_a_counter_that_begins_anew_is_named_with_its_bits(tmp_path):
     words = r"row 1601: a counter of 32 bits in us overflowed, add 4294967296 from there on; choose"
     with pytest.raises(FileError, match=words):
         stated(tmp_path, columns, time={"column": "t", "unit": "us"})
+
+
+def test_local_time_that_is_set_back_in_autumn_is_named(tmp_path):
+    columns = table(20.0, rate=RATE)
+    columns["t"] += 1.79e9 - 3600.0 * (columns["t"] >= 8.0)
+    words = "row 1601: local time was set back by an hour, as in autumn; add 3600 s from there on"
+    with pytest.raises(FileError, match=words):
+        stated(tmp_path, columns)
 
 
 def test_velocities_in_rpm_of_the_motor_are_named_by_unit_and_side(tmp_path):

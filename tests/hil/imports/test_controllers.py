@@ -149,8 +149,11 @@ FILES = {
     "odrive.csv": odrive, "odrive_columns.csv": odrive_columns,
     "moteus.jsonl": moteus, "moteus.csv": moteus_csv, "libfranka.csv": libfranka,
 }  # fmt: skip
-UNITS = {"twincat.csv": ["deg", "deg/s", None], "siemens.csv": ["deg", "deg/s", "N m"]}
-"""Units in the file, by name; the twincat file has a torque in percent."""
+UNITS = {
+    "twincat.csv": [["deg", "deg/s", "%"], ["deg", "deg/s", None]],
+    "siemens.csv": [["deg", "deg/s", "N m"]] * 2,
+}
+"""Units in the file, by name and joint; the twincat file has a torque in percent."""
 
 
 class _Marks(yaml.SafeLoader):
@@ -171,7 +174,7 @@ def test_exports_are_drafted_and_a_draft_that_is_filled_in_imports(tmp_path, nam
     assert len(content["joints"]) == 2
     if name in UNITS:
         units = [[part["unit"] for part in joint.values()] for joint in content["joints"]]
-        assert units == [UNITS[name]] * 2
+        assert units == UNITS[name]
     for joint in content["joints"]:
         joint["position"]["unit"] = "deg" if name.startswith("rsi") else "rad"
         if "velocity" in joint:

@@ -120,6 +120,31 @@ def test_stamps_since_1970_have_a_unit_and_others_a_mark(tmp_path, form, unit):
     assert drafted(tmp_path / "a.csv")["time"]["unit"] == unit
 
 
+@pytest.mark.parametrize("begin", [0.0, 1.77e9])
+def test_stamps_are_found_by_short_names_and_by_dates(tmp_path, begin):
+    columns = table()
+    name = "recorded" if begin else "ts"
+    write_csv(tmp_path / "data.csv", {name: columns.pop("t") + begin, **columns})
+    assert drafted(tmp_path / "data.csv")["time"]["column"] == name
+
+
+def test_per_cent_is_a_unit_of_torque_with_a_gain(tmp_path):
+    columns = table()
+    write_csv(
+        tmp_path / "data.csv",
+        {n.replace("m", "torque") + "[%]" * (n[0] == "m"): x for n, x in columns.items()},
+    )
+    the_map = drafted(tmp_path / "data.csv")
+    assert [each["torque"]["unit"] for each in the_map["joints"]] == ["%", "%"]
+    for number, joint in enumerate(the_map["joints"], start=1):
+        joint["torque"]["column"] = f"torque{number}"  # names of columns may omit the unit
+        joint["torque"]["gain"], joint["position"]["unit"] = 0.5, "rad"
+        joint.pop("velocity", None)
+    content = a_map(joints=the_map["joints"])
+    run = import_recordings([write_map(tmp_path, content)], tmp_path / "run")
+    assert run["map-01"].recording.tau[0, 0] == pytest.approx(columns["m1"][0] / 2)
+
+
 def test_rows_with_text_and_without_names_are_rows(tmp_path):
     """As printed by ros2 topic echo --csv: seconds, nanoseconds, frame, names, values."""
     columns = table(4.0)

@@ -50,6 +50,19 @@ def test_a_publisher_that_is_late_now_and_then_makes_no_difference(tmp_path):
     assert "each position repeats over 4 rows;" in stated
 
 
+def test_rows_at_a_stated_rate_may_be_held_unevenly(tmp_path):
+    columns, random = table(30.0, 1000.0), np.random.default_rng(3)
+    lengths = random.integers(9, 12, 4000)
+    at = np.repeat(np.cumsum(lengths) - lengths, lengths)[: len(columns["t"])]
+    held_unevenly = {name: x[at] for name, x in columns.items()}
+    run, stated = made(tmp_path, held_unevenly, time={"rate": 1000.0})
+    assert "each position repeats over 10 rows;" in stated
+    recording = run["map-01"].recording
+    assert recording.period == pytest.approx(0.01, rel=0.01)
+    q = np.interp(recording.time, columns["t"], columns["q1"])
+    np.testing.assert_allclose(recording.q[:, 0], q, atol=0.02 * np.ptp(q))
+
+
 def test_what_stands_still_in_between_leaves_no_gap(tmp_path):
     columns = table(30.0, RATE)
     still = np.clip(np.arange(6001), None, 2000) + np.clip(np.arange(6001) - 4000, 0, None)

@@ -54,6 +54,25 @@ def test_a_joint_without_friction_raises_no_suspicion(seen, manutec):
     assert said(seen, manutec, tau=seen.tau - 10 * np.tanh(qd / 0.03)) == []
 
 
+def test_torques_that_all_have_the_wrong_sign(seen, manutec):
+    ((place, message),) = said(seen, manutec, tau=-seen.tau)
+    assert place == ("joints", 0, "torque", "sign")
+    assert message.startswith("torques of all joints have the wrong sign: friction would accel")
+
+
+@pytest.mark.parametrize("lag", [-0.9, -0.3, 0.15, 0.6])
+def test_a_lag_of_all_torques_is_named_whatever_its_size(seen, manutec, lag):
+    late = np.array([np.interp(T - lag, T, tau) for tau in seen.tau.T]).T
+    shown = np.ones(manutec.n_joints, dtype=bool)
+    (suspicion,) = mechanical_suspicions([replace(seen, tau=late)], manutec, shown)
+    found = re.search(
+        r"torques of all joints have a (lead|delay) of some (\d+) ms", suspicion.message
+    )
+    assert found
+    assert found[1] == ("delay" if lag > 0 else "lead")
+    assert float(found[2]) == pytest.approx(1e3 * abs(lag), rel=0.07)
+
+
 @pytest.mark.parametrize("turn", [90, -90])
 def test_a_zero_that_is_a_quarter_turn_off(seen, manutec, turn):
     off = seen.q - np.radians([0, 0, turn, 0, 0, 0])

@@ -1,5 +1,7 @@
 """Columns with wrong meaning in the map are named before any estimation."""
 
+import re
+
 import numpy as np
 import pytest
 from small_recording import ROBOT, a_map, motion, table, write_csv, write_map
@@ -77,10 +79,45 @@ def test_noise_is_no_torque(tmp_path):
     assert "moving joint unexplained: torques do not match this motion" in message
 
 
-def test_positions_too_coarse_to_be_differentiated_are_remarked(tmp_path):
-    columns = table(20.0, rate=250.0)
-    coarse = {name: np.round(columns[name], 2) for name in ("q1", "q2")}
-    write_csv(tmp_path / "data.csv", columns | coarse)
+@pytest.mark.parametrize("size", [1e-25, 3e-110, 1e-311])
+@pytest.mark.parametrize(
+    ("name", "key"), [("m2", "torque"), ("v1", "velocity"), ("q1", "position")]
+)
+def test_bytes_of_other_numbers_are_no_measurements(tmp_path, size, name, key):
+    columns = table(20.0, rate=200.0)
+    alike = [each for each in columns if each[0] == name[0]]
+    tiny = {each: size * columns[each] for each in (alike if key == "position" else [name])}
+    message = refusal(tmp_path, columns | tiny, velocity=True)
+    assert re.search(rf"joints.{int(name[1]) - 1}.{key}: values up to \S+ are no {key}", message)
+
+
+def test_rounding_of_a_resting_joint_is_no_reason_to_refuse(tmp_path):
+    columns = table(20.0, rate=200.0)
+    rests = {name: 1e-30 * columns[name] for name in ("q2", "v2", "m2")}
+    write_csv(tmp_path / "data.csv", columns | rests)
+    import_recordings([write_map(tmp_path, a_map(velocity=True))], tmp_path / "run")
+
+
+def remarks(folder, columns):
+    write_csv(folder / "data.csv", columns)
     stated = []
-    import_recordings([write_map(tmp_path, a_map())], tmp_path / "run", stated.append)
-    assert "is too noisy: accelerations are uncertain by" in stated[0].suspicions[0].message
+    import_recordings([write_map(folder, a_map())], folder / "run", stated.append)
+    return [each.message for each in stated[0].suspicions]
+
+
+def test_noise_that_biases_inertias_is_one_remark(tmp_path):
+    """Motion an eighth as fast as usual, so that accelerations are small."""
+    time = np.arange(0, 60, 0.02)
+    q, _, tau = motion(time / 8)
+    noisy = q + 0.05 * np.random.default_rng(1).standard_normal(q.shape)
+    columns = dict(zip(["t", "q1", "q2", "m1", "m2"], [time, *noisy.T, *tau.T], strict=True))
+    noise = [each for each in remarks(tmp_path, columns) if each.startswith("noise of positions")]
+    assert len(noise) == 1
+    assert re.search(r"is \d+(\.\d)? % of the accelerations up to 0.33 Hz, .* \(joints 1", noise[0])
+
+
+@pytest.mark.parametrize("count", [0.003, 0.01, 0.03])
+def test_noise_beyond_the_band_of_identification_is_no_remark(tmp_path, count):
+    columns = table(20.0, rate=250.0)
+    coarse = {name: count * np.round(columns[name] / count) for name in ("q1", "q2")}
+    assert not any("nois" in each for each in remarks(tmp_path, columns | coarse))

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+import yaml
 from small_recording import a_map, table, write_csv, write_map
 from urdf_robots import ROBOTS, urdf
 
@@ -50,6 +51,18 @@ def test_part_of_a_chain_is_a_robot(tmp_path):
         [write_map(tmp_path, a_map(robot=robot, joints=joints))], tmp_path / "r"
     )
     assert run.robot.n_joints == 2
+
+
+def test_a_chain_that_goes_on_beyond_the_recording_is_named_with_its_end(tmp_path):
+    joints = write_scara(tmp_path)[:3]
+    content = a_map(robot="scara.urdf", joints=joints)
+    with pytest.raises(
+        FileError, match=r"3 joints must be 4, .* order: joint1, joint2,"
+    ) as refused:
+        import_recordings([write_map(tmp_path, content)], tmp_path / "r")
+    content["robot"] = yaml.safe_load(str(refused.value).partition("robot: ")[2])
+    run = import_recordings([write_map(tmp_path, content)], tmp_path / "r")
+    assert run.robot.joint_names == ("joint1", "joint2", "joint3")
 
 
 def test_gains_may_be_uncertain_where_the_urdf_knows_no_drives(tmp_path):

@@ -41,6 +41,19 @@ def test_numbers_that_come_later_or_are_missing_are_no_error(tmp_path):
     np.testing.assert_array_equal(found, [[0, 1, n], [1, n, n], [2, 0.5, 7]])
 
 
+def test_strings_of_numbers_are_numbers_and_other_strings_are_not(tmp_path):
+    pytest.importorskip("pyarrow")
+    lines = [
+        json.dumps({"t": f"{t:.3f}", "arm": {"q": [repr(float(x)) for x in q]}, "mode": "5 s"})
+        for t, q in zip(T, Q, strict=True)
+    ]
+    (tmp_path / "a.jsonl").write_text("\n".join(lines))
+    np.testing.assert_allclose(
+        read(tmp_path / "a.jsonl", "t", "arm.q/2"), np.stack([T, Q[:, 1]], 1)
+    )
+    assert "mode" in open_table(tmp_path / "a.jsonl", Format()).left_out
+
+
 @pytest.mark.parametrize("text", ["[1, 2]", "[[1]]", "so it goes", '{"t": 1}\n{"t": '])
 def test_what_is_no_rows_of_json_is_refused_with_the_file(tmp_path, text):
     pytest.importorskip("pyarrow")

@@ -178,15 +178,20 @@ FILES = {
     "an empty file": ("a.csv", lambda p: p.write_text(""), "a.csv: is empty"),
     "a header alone": (
         "a.csv", lambda p: p.write_text("t,q1,q2,m1,m2\n"), "a.csv: has no row of numbers"),
-    "words": ("a.csv", lambda p: p.write_text("to be\nor not\n"), "a.csv: has no row of numbers"),
+    "words": (
+        "a.csv", lambda p: p.write_text("to be\nor not\n"),
+        "a.csv: has no row of numbers in its first lines, the first is 'to be'"),
+    "a list of a controller": (
+        "a.csv", lambda p: p.write_text("A.B[0]:=26.0F16#A4H-3\nA.B[1]:=27.0F16#A4H-3\n"),
+        "the first is 'A.B[0]:=26.0F16#A4H-3'; state header"),
     "text among numbers": (
         "a.csv", text_in_numbers, "a.csv:101: 'oops' in column 2 (q1), row 100, is not a number"),
     "nothing but NaN": (
         "a.csv", all_missing, "joints.0.position.column: column q1 holds no number in any of 801"
         " rows; name another"),
     "numbers of two columns in turn": (
-        "a.csv", alternate, "columns present; choose other columns or rows; 401 of 801 rows hold no"
-        " number in q1; 400 of 801 rows hold no number in m1"),
+        "a.csv", alternate, "columns have numbers in different rows: of 801 rows of a.csv, q1, "
+        "q2, m2 in 400; m1 in 401; like topics"),
     "bytes": ("a.csv", binary, "a.csv: holds NUL bytes: not UTF-8 text"),
     "10 GiB of nothing": ("a.csv", sparse, "a.csv: holds NUL bytes"),
     "10 GiB of nothing after a table": ("a.csv", sparse_after_a_table, "a.csv: holds NUL bytes"),

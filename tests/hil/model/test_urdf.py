@@ -235,6 +235,19 @@ def wrist_behind_a_mimic() -> str:
     return text[:start] + '<mimic joint="joint1"/>' + text[start:]
 
 
+def knuckle_behind(followed: str) -> str:
+    text = urdf("x", ROBOTS["pan-tilt"])
+    knuckle = (
+        '<link name="knuckle"/><joint name="k" type="revolute"><parent link="link2"/>'
+        f'<child link="knuckle"/><mimic joint="{followed}"/></joint></robot>'
+    )
+    return text.replace("</robot>", knuckle)
+
+
+def test_a_joint_that_follows_no_joint_of_the_arm_does_not_matter(tmp_path: Path) -> None:
+    assert len(chain_of(tmp_path, knuckle_behind("jaw")).joints) == 2
+
+
 def insert_xacro(element: str) -> str:
     return urdf("x", ROBOTS["pan-tilt"]).replace("</robot>", f"{element}\n</robot>")
 
@@ -250,6 +263,8 @@ def insert_xacro(element: str) -> str:
         (add_fingers('<mimic joint="finger1"/>'), "right", r"10: joint 'finger2' mimics another"),
         (add_fingers('<mimic joint="finger1"/>'), "right", "end the chain .* couplings"),
         (wrist_behind_a_mimic(), None, "6: joint 'joint2' mimics another one, 'joint1', and has"),
+        (knuckle_behind("joint2"), None, "7: joint 'k' mimics another one, 'joint2', and has no"),
+        (knuckle_behind("joint2"), None, "with --to link2, in a map by robot: .urdf: robot.urdf, "),
         (joint_of_type("floating"), "link2", "6: joint 'joint2': type 'floating' must be"),
         (joint_of_type("Revolute"), None, "6: joint 'joint2': type 'Revolute' must be one of rev"),
         (add_loop(), None, "11: link 'left' is the child of joint 'finger1' already, and joint"),
