@@ -128,6 +128,8 @@ def timing_of(samples: Samples, segments: list[Integers], *, trusted: bool = Fal
         ordered = [measured(samples, rows, counts.held) for rows in ordered]
         counts.repeated = published - sum(map(len, ordered))
         period = _period([samples.time[rows] for rows in ordered])
+        # published rows are counted by a stated rate, measurements are not
+        trusted = False
     ordered = [_drop_held(samples, rows, period, counts) for rows in ordered]
     parts = [
         part

@@ -50,6 +50,19 @@ def test_a_publisher_that_is_late_now_and_then_makes_no_difference(tmp_path):
     assert "each position repeats over 4 rows;" in stated
 
 
+@pytest.mark.parametrize("stated", [{"rate": RATE}, {"column": 1, "unit": "s"}])
+def test_uneven_holds_are_those_of_a_column_of_time_with_a_stated_rate(tmp_path, stated):
+    columns, random = table(20.0, RATE), np.random.default_rng(5)
+    ends = np.cumsum(random.choice([9, 10, 11], 500))
+    at = np.concatenate([[0], ends])[np.searchsorted(ends, np.arange(4001), side="right")]
+    late = {name: x if name == "t" else x[at] for name, x in columns.items()}
+    run, found = made(tmp_path, late, time=stated)
+    assert "each position repeats over 10 rows;" in found
+    recording = run["map-01"].recording
+    assert recording.period == pytest.approx(10 / RATE, rel=0.01)
+    assert np.all(np.isfinite(recording.q))
+
+
 def test_what_stands_still_in_between_leaves_no_gap(tmp_path):
     columns = table(30.0, RATE)
     still = np.clip(np.arange(6001), None, 2000) + np.clip(np.arange(6001) - 4000, 0, None)
