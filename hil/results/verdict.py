@@ -185,6 +185,13 @@ OF_FREE_MOTIONS: tuple[Rule[FreeMotionFit], ...] = (
         "rigid-body torques in these motions: a sensor offset, a spring, or wrong parameters",
         "add recordings with greater acceleration or range",
     ),
+    When(
+        lambda fit: (_axes(fit.still), ", ".join(fit.not_identified)) if fit.not_identified else (),
+        "axis {0[0]} does not move in the recordings: {0[1]} not identified, and only motions "
+        "with this axis at the recorded position are predicted",
+        "add recordings in which it moves; or state its rotor_inertia in the robot file, and take "
+        "bodies from CAD (hil identify --prior cad=0.3 --urdf FILE)",
+    ),
 )
 
 
