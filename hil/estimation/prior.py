@@ -168,7 +168,11 @@ class Prior:
         n = len(p)
         left = nuisance_elimination(N, n) @ N[:, :n]
         W = left @ inverse_root(left, IDENTIFIABLE, np.diag(N)[:n])
-        A = W @ np.linalg.solve(W.T @ covariance @ W, W.T)
+        # few groups leave directions without scatter: no variance is below that of white residuals,
+        # which is W'N^+ W = 1
+        scatter, turned = np.linalg.eigh(W.T @ covariance @ W)
+        root = W @ turned / np.sqrt(np.maximum(scatter, 1.0))
+        A = root @ root.T
         mean, root = self.predict(robot)
         of_none = ~root.any(axis=1)
         mean = np.where(of_none, p, mean)

@@ -173,3 +173,15 @@ def test_intervals_hold_the_truth_where_cad_errs_as_stated(robot: Robot) -> None
         made = of_cad.completed(robot, N, np.linalg.pinv(W) @ b, np.linalg.pinv(N))
         inside.append(np.abs(made.p - p) < 1.96 * np.sqrt(np.diag(made.covariance)))
     assert np.mean(inside) == pytest.approx(0.95, abs=0.02)
+
+
+def test_directions_without_scatter_between_few_groups_are_not_taken_from_cad(robot: Robot) -> None:
+    """Six parameters are determined; the scatter of four groups of time has a rank of three."""
+    rng, of_cad = np.random.default_rng(3), Prior(BODIES, 0.3)
+    p = of_cad.predict(robot)[0]
+    for _ in range(20):
+        W = rng.standard_normal((60, 6)) / 0.01
+        N = W.T @ W
+        groups = np.linalg.cholesky(np.linalg.inv(N)) @ rng.standard_normal((6, 3))
+        made = of_cad.completed(robot, N, 1.2 * p, groups @ groups.T)
+        np.testing.assert_array_equal(made.p, 1.2 * p)
