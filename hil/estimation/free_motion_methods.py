@@ -37,7 +37,7 @@ if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from hil.estimation.free_motion.gathering import Gathered
-    from hil.estimation.free_motion.solution import FreeSolver
+    from hil.estimation.free_motion.solution import FreeSolver, Solution
     from hil.estimation.options import Options
     from hil.model.robot import Robot
     from hil.runs.recording import Recorded
@@ -100,9 +100,14 @@ def _combine_rates(
         degrees_of_freedom=fit.degrees_of_freedom[:n],
         effect=joint.effect,
         prior_share=solution.prior_share,
+        details=fastest.details.model_copy(update={"not_identified": _names(robot, solution)}),
         left_out=tuple(LeftOut(each, FEW) for rate in rates for each in rate.found.too_short),
         n_measurements=sum(rate.found.n_recordings for rate in rates),
     )
+
+
+def _names(robot: Robot, solution: Solution) -> tuple[str, ...]:
+    return tuple(base_parameters(robot).names[k] for k in solution.lost)
 
 
 def estimate_from(
@@ -122,9 +127,9 @@ def estimate_from(
     found, scaling, choice = gathered.found, gathered.scaling, gathered.choice
     processing, products = gathered.processing, gathered.products
     visited = configurations(found)
-    solution = solve(robot, products, choice, solver, visited, options)
+    solution = solve(robot, products, choice, solver, visited, found.still, options)
     classical = classical_choice(products, weighted=True)
-    plain = solve(robot, products, classical, "least squares", visited, options).fit
+    plain = solve(robot, products, classical, "least squares", visited, found.still, options).fit
     fit, n = solution.fit, len(gathered.first)
     left = Residuals.compute(gathered, products, fit)
     details = FreeMotionFit(
@@ -144,6 +149,7 @@ def estimate_from(
         still=tuple(axis + 1 for axis in found.still),
         driving=driving_axes(fit),
         unusual=tuple(axis + 1 for axis in solution.unusual),
+        not_identified=_names(robot, solution),
         bias_test=bias_test(robot, gathered.stretches, scaling, choice, gathered.first),
         least_inertia=least_inertia(robot, fit.x[:n], visited),
         remarks=remarks(robot, products, solution, found, plain.condition, left.torque),

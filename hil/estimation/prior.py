@@ -37,8 +37,15 @@ import numpy as np
 
 from checked_files.yaml_file import FileModel
 from hil.errors import InvalidValue
-from hil.least_squares.solving import IDENTIFIABLE, inverse_root, nuisance_elimination
+from hil.least_squares.solving import (
+    IDENTIFIABLE,
+    inverse_root,
+    nuisance_elimination,
+    null_space,
+    undetermined,
+)
 from hil.model.base_parameters import base_parameters
+from hil.model.dynamics import regressor
 from hil.model.frames import body_parameters, pseudo_inertia
 
 if TYPE_CHECKING:
@@ -161,12 +168,17 @@ class Prior:
         n = len(p)
         left = nuisance_elimination(N, n) @ N[:, :n]
         W = left @ inverse_root(left, IDENTIFIABLE, np.diag(N)[:n])
-        A = W @ np.linalg.solve(W.T @ covariance @ W, W.T)
+        # few groups leave directions without scatter: no variance is below that of white residuals,
+        # which is W'N^+ W = 1
+        scatter, turned = np.linalg.eigh(W.T @ covariance @ W)
+        root = W @ turned / np.sqrt(np.maximum(scatter, 1.0))
+        A = root @ root.T
         mean, root = self.predict(robot)
         of_none = ~root.any(axis=1)
         mean = np.where(of_none, p, mean)
         # prior standard deviation, relative to the data, of parameters of no body: springs, rotors
-        R = np.linalg.cholesky(root @ root.T + np.diag(1e6**2 * np.diag(covariance) * of_none))
+        none = 1e6**2 * np.diag(covariance) + np.diag(open_covariance(robot, N))[:n]
+        R = np.linalg.cholesky(root @ root.T + np.diag(none * of_none))
         values, V = np.linalg.eigh(R.T @ A @ R)
         said = values > self.relative**2
         if said.all():
@@ -177,3 +189,25 @@ class Prior:
         alone = rows**2 / np.maximum(values, 1e-6 * self.relative**2)
         share = alone @ ~said / alone.sum(axis=1)
         return Completed(mean + rows @ u, (rows * variance) @ rows.T, share)
+
+
+def open_covariance(robot: Robot, N: Array) -> Array:
+    """Compute the covariance of the unknowns in directions without data, shape of N.
+
+    No rigid-body torque exceeds the torque limits by far. So a base parameter without data has a
+    standard deviation with which it alone needs the torque limit of an axis, the least of all axes,
+    as rms over positions, speeds and accelerations of up to 1 in SI. Zero if data determine all.
+    """
+    n, lost = len(base_parameters(robot)), undetermined(N) | (np.diag(N) == 0)
+    if not lost[:n].any():
+        return np.zeros_like(N)
+    motion = np.random.default_rng(0).uniform(-1.0, 1.0, (3, 100, robot.n_joints))
+    torque = np.sqrt(np.mean(regressor(robot, *motion) ** 2, axis=0))
+    limit = np.nan_to_num(robot.torque_limit, nan=np.nanmax(robot.torque_limit, initial=1.0))
+    size = np.min(limit[:, np.newaxis] / np.maximum(torque, np.finfo(float).eps), axis=0)
+    free = null_space(N) * lost[:, np.newaxis]
+    _, values, V = np.linalg.svd(free[:n] / size[:, np.newaxis], full_matrices=False)
+    kept = values > 1e-6 * values[0]
+    free = free @ V[kept].T / values[kept]
+    covariance: Array = free @ free.T
+    return covariance

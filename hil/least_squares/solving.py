@@ -109,6 +109,13 @@ def undetermined(N: Array, rank: float = RANK, size: Array | None = None) -> Mas
     return found
 
 
+def null_space(N: Array, rank: float = RANK) -> Array:
+    """Return the undetermined directions of the unknowns, shape (n, number of directions)."""
+    scale, values, vectors = _decompose(N, None)
+    free = vectors[:, ~_select_determined(values, rank)]
+    return free * np.where(scale > 0, scale, 1.0)[:, np.newaxis]
+
+
 def undetermined_beside(N: Array, n: int) -> Mask:
     """Return True for the first `n` unknowns not `IDENTIFIABLE` beside the rest, shape (n,).
 

@@ -84,7 +84,8 @@ class FreeTorques:
     """
 
     def __init__(self, robot: Robot, speed: ArrayLike | None = None) -> None:
-        self._A = regressor(robot, *free_motion(robot, speed=speed))
+        motion = free_motion(robot, speed=speed)
+        self._robot, self._q, self._A = robot, motion[0], regressor(robot, *motion)
 
     def rms(self, p: Array) -> Array:
         """Return the torque of base parameters or of their change, shape (n_joints,) [N m or N]."""
@@ -96,10 +97,15 @@ class FreeTorques:
         torques: Array = np.sqrt(np.mean(self._A**2, axis=0)) * p
         return torques
 
-    def standard_error(self, covariance: Array) -> Array:
-        """Return the torque's standard error by a covariance of p, shape (n_joints,) [N m or N]."""
-        variance = np.einsum("njk,kl,njl->j", self._A, covariance, self._A, optimize=True)
-        torques: Array = np.sqrt(np.maximum(variance, 0.0) / len(self._A))
+    def standard_error(self, covariance: Array, *, gravity: bool = False) -> Array:
+        """Return the torque's standard error by a covariance of p, shape (n_joints,) [N m or N].
+
+        With `gravity` the torque is that of gravity alone.
+        """
+        still = np.zeros_like(self._q)
+        A = regressor(self._robot, self._q, still, still) if gravity else self._A
+        variance = np.einsum("njk,kl,njl->j", A, covariance, A, optimize=True)
+        torques: Array = np.sqrt(np.maximum(variance, 0.0) / len(A))
         return torques
 
     def relative(self, part: Array, p: Array) -> Array:

@@ -25,6 +25,7 @@ from hil.results.band_residual import band_residual
 from hil.results.judgement import (
     HALF,
     INSIDE,
+    NOTABLE,
     TOLERANCE,
     WORSE,
     Judgement,
@@ -402,10 +403,12 @@ def _naive(scores: Scores) -> Reservation | None:
 
 def _narrow(scores: Scores) -> Reservation | None:
     """Return a doubt and its likely reason if intervals are too narrow for the samples, or None."""
-    # axes with covered motions first: for the others the uncovered motion is the reason
-    s = min(scores, key=lambda each: (each.inside >= INSIDE, bool(each.uncovered), each.inside))
-    if s.inside >= INSIDE:
+    # an error below a notable share of the torque is in no interval of interest
+    narrow = [each for each in scores if each.inside < INSIDE and each.relative > NOTABLE]
+    if not narrow:
         return None
+    # axes with covered motions first: for the others the uncovered motion is the reason
+    s = min(narrow, key=lambda each: (bool(each.uncovered), each.inside))
     held, remedy = f"{s.inside:.0%} of the samples are inside the predicted 95 % intervals", ""
     if s.uncovered:
         return doubtful(

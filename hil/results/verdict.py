@@ -185,6 +185,13 @@ OF_FREE_MOTIONS: tuple[Rule[FreeMotionFit], ...] = (
         "rigid-body torques in these motions: a sensor offset, a spring, or wrong parameters",
         "add recordings with greater acceleration or range",
     ),
+    When(
+        lambda fit: (_axes(fit.still), ", ".join(fit.not_identified)) if fit.not_identified else (),
+        "axis {0[0]} does not move in the recordings: {0[1]} not identified, and only motions "
+        "with this axis at the recorded position are predicted",
+        "add recordings in which it moves; or state its rotor_inertia in the robot file, and take "
+        "bodies from CAD (hil identify --prior cad=0.3 --urdf FILE)",
+    ),
 )
 
 
@@ -194,24 +201,32 @@ def _free_motions(model: Model) -> Iterator[Reservation]:
 
 
 def _unexcited(model: Model) -> Iterator[Reservation]:
-    relative = uncertainty(model)
-    if relative is None or not (relative > TOLERANCE).any():
+    relative, free = uncertainty(model), free_torques(model)
+    if free is None or relative is None or not (relative > TOLERANCE).any():
         return
-    worst = int(np.argmax(relative))
-    known = f"uncertain by {relative[worst]:.0%}"
     if not model.details.with_law:
+        worst = int(np.argmax(relative))
         yield (failed if relative[worst] ** 2 > HALF else doubtful)(
-            f"axis {worst + 1} not excited: its torque on a free motion is {known}",
+            f"axis {worst + 1} not excited: its torque on a free motion is uncertain by "
+            f"{relative[worst]:.0%}",
             "measure motions that show its parameters (hil plan --refine)",
         )
         return
-    yield doubtful(
-        f"axis {worst + 1} not excited by the recordings: its torque on a motion through its "
-        "whole range is "
-        f"{known if relative[worst] < 1 else 'not significant: below its standard error'}",
-        "add recordings over a wider range; close to the recorded motions the model may be "
-        "valid: test it with hil validate",
-    )
+    errors = [free.standard_error(model.covariance, gravity=only) for only in (True, False)]
+    heavy, unknown = errors[0] ** 2 > HALF * errors[1] ** 2, relative > TOLERANCE
+    for axes, motion, remedy in (
+        (heavy & unknown, "a motion through its whole range", "over a wider range"),
+        (~heavy & unknown, "motions as fast as its limits allow", "with greater acceleration"),
+    ):
+        if axes.any():
+            most = relative[axes].max()
+            known = f"uncertain by {most:.0%}" if most < 1 else "below its standard error"
+            yield doubtful(
+                f"axis {_axes(np.flatnonzero(axes) + 1)} not excited by the recordings: its torque "
+                f"on {motion} is {known}",
+                f"add recordings {remedy}; close to the recorded motions the model may be valid: "
+                "test it with hil validate",
+            )
 
 
 def _few(model: Model) -> tuple[int, int, int] | None:

@@ -14,17 +14,18 @@ samples would always seem best.
 The chosen law is not the truth. Its errors repeat with the motion, and if the motion repeats
 itself, as exciting trajectories do, neither blocks of time nor cells of states show much of these
 errors. But another law has other errors. Alternatives m are therefore taken as draws: with weights
-w_m, the root mean square error on held-out blocks of the choice over that of the alternative, they
-add
+w_m, the mean squared error on held-out blocks of the choice over that of the alternative, they add
 
     V = sum w_m (x_m - x)(x_m - x)' / sum w_m
 
 to the covariance of the unknowns common to all laws, as averaging over models would (J. A. Hoeting
-et al., Bayesian model averaging, Statistical Science 14 (1999) 382-417, eq. 3). An alternative with
-bad predictions counts little. Dead zones smaller than the chosen one are no alternatives: slow
-samples bias the estimates by more than chance, though such a fit describes slow samples best.
-Alternatives include laws that would never be chosen, some with larger errors than the choice, so
-only the share `SHARE` of V is taken.
+et al., Bayesian model averaging, Statistical Science 14 (1999) 382-417, eq. 3). The torque of x_m -
+x is at most of the size of the alternative's error, so with these weights no alternative adds more
+to the variance of torques than the choice leaves: one that lacks samples for its unknowns, as a
+wide dead zone of slow motions, is wrong by its own error, not by a law. Dead zones smaller than the
+chosen one are no alternatives: slow samples bias the estimates by more than chance, though such a
+fit describes slow samples best. Alternatives include laws that would never be chosen, some with
+larger errors than the choice, so only the share `SHARE` of V is taken.
 """
 
 from __future__ import annotations
@@ -219,7 +220,7 @@ def covariance_of_choices(products: Products, choice: Choice) -> Array:
     others = [(choice.slowest, (law,) * n) for law in OTHER_LAWS]
     for other in (*((zone, choice.laws) for zone in zones), *others):
         found, error = solved(*other)
-        weight = min(1.0, np.sqrt(least / max(error, np.finfo(float).tiny)))
+        weight = min(1.0, least / max(error, np.finfo(float).tiny))
         total[np.ix_(common, common)] += weight * np.outer(found - x, found - x)
         weights += weight
     return SHARE * total / weights

@@ -94,5 +94,6 @@ def _scaled(robot: Robot, p: Array, q: Array) -> tuple[Array, Array]:
     """Return mass matrices over the joint inertias, and the roots of these inertias."""
     M = mass_matrix(robot, p, q) + motor_inertia(robot, q)
     own = np.abs(np.einsum("njj->nj", M)).mean(axis=0)
-    size = np.sqrt(np.maximum(own, 1e-300))
+    # inertias without data are zero: of the size of rounding beside the largest
+    size = np.sqrt(np.maximum(own, max(1e-9 * own.max(), 1e-300)))
     return M / np.outer(size, size), size

@@ -93,6 +93,8 @@ class FreeMotionFit(FileModel):
     still, driving, unusual : tuple of int
         Axes, from 1: at rest in all recordings; with a friction law that supplies power to the
         motion; with an offset larger than usual for friction, which resembles weight.
+    not_identified : tuple of str
+        Base parameters without data, because axes are at rest.
     bias_test : BiasTest, optional
         None for too few blocks or too low sampling rates.
     least_inertia : float
@@ -129,6 +131,7 @@ class FreeMotionFit(FileModel):
     still: tuple[int, ...] = ()
     driving: tuple[int, ...] = ()
     unusual: tuple[int, ...] = ()
+    not_identified: tuple[str, ...] = ()
     velocity_reasons: tuple[str, ...] = ()
     gains: tuple[GainValue, ...] = ()
     lag: tuple[TermValue, ...] = ()
@@ -136,7 +139,6 @@ class FreeMotionFit(FileModel):
     file_key: ClassVar[str | None] = "friction"
     with_law: ClassVar[bool] = True
     curves: ClassVar[tuple[()]] = ()
-    not_identified: ClassVar[tuple[str, ...]] = ()
 
     def sum_of(self, _name: str) -> str:
         """Return an empty text: every parameter is identified individually."""

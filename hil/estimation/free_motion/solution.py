@@ -29,6 +29,7 @@ from hil.estimation.free_motion.choice import MATERIAL, covariance_of_choices
 from hil.estimation.free_motion.offsets import enlarge_covariance, only_directions, split_covariance
 from hil.estimation.free_motion.positive import nearest_positive
 from hil.estimation.options import DEFAULTS
+from hil.estimation.prior import open_covariance
 from hil.least_squares.layout import embedded
 from hil.least_squares.regression import Regression, Solver
 from hil.least_squares.solving import condition, inverse, solved, undetermined
@@ -66,6 +67,8 @@ class Solution:
         Axes, from 0, whose offset exceeds usual offsets of friction, and resembles gravity.
     prior_share : ndarray, shape (n_base,), optional
         See `Estimate`.
+    lost : tuple of int
+        Base parameters, from 0, without data, because axes are at rest.
     """
 
     fit: Fit
@@ -73,6 +76,7 @@ class Solution:
     possible: bool = True
     unusual: tuple[int, ...] = ()
     prior_share: Array | None = None
+    lost: tuple[int, ...] = ()
 
 
 def solve(
@@ -81,6 +85,7 @@ def solve(
     choice: Choice,
     solver: FreeSolver,
     configurations: Array,
+    still: Sequence[int] = (),
     options: Options = DEFAULTS,
 ) -> Solution:
     """Solve for the unknowns of base parameters and friction.
@@ -89,17 +94,24 @@ def solve(
     ----------
     configurations : ndarray, shape (n, n_joints)
         Configurations of the motion where the mass matrix must be positive.
+    still : sequence of int
+        Axes at rest, from 0.
     options : Options
         Covariance rule, and a prior for parameters not excited by the motion.
 
     Raises
     ------
     NotIdentifiable
-        Base parameters are neither excited by the motion nor known by a prior.
+        No axis moves, or moving axes do not excite base parameters that no prior states.
     """
     pieces = asked = choice.fitted(products)
+    if len(still) == robot.n_joints:
+        raise NotIdentifiable(
+            "no axis moves in the recordings: no position leaves the noise band of its encoder; "
+            "add recordings in which the joints move, or name other columns of positions"
+        )
     if options.prior is None:
-        require_determined(robot, pieces)
+        require_determined(robot, pieces, still)
     if callable(solver):
         asked = replace(pieces, solver=solver)
     elif solver == "instrumental" and products.instruments is not None:
@@ -131,13 +143,20 @@ def settled(
     prior: Prior | None,
 ) -> Solution:
     """Complete a fit by a prior, then by a positive mass matrix at `configurations`."""
-    share = None
-    if prior is not None:
+    share, n = None, len(base_parameters(robot))
+    wide = open_covariance(robot, pieces.normal.information)
+    lost = np.flatnonzero(np.diag(wide)[:n])
+    wide = embedded(wide, fit.kept, len(fit.x))
+    if prior is None:
+        fit = replace(fit, covariance=fit.covariance + wide)
+    else:
         fit, share = _completed(robot, pieces, fit, prior)
+        # a prior states bodies, no springs and rotors
+        lost = lost[~prior.predict(robot)[1][lost].any(axis=1)]
     found = Solution(fit)
     if configurations is not None:
-        found = _possible(robot, pieces, fit, configurations)
-    return replace(found, prior_share=share)
+        found = _possible(robot, pieces, fit, configurations, wide)
+    return replace(found, prior_share=share, lost=tuple(lost.tolist()))
 
 
 def refit_friction(products: Products, fit: Fit, covariance: Covariance, axes: Indices) -> Fit:
@@ -193,14 +212,16 @@ def _completed(robot: Robot, pieces: Regression, fit: Fit, prior: Prior) -> tupl
     ), share
 
 
-def _possible(robot: Robot, pieces: Regression, fit: Fit, configurations: Array) -> Solution:
+def _possible(
+    robot: Robot, pieces: Regression, fit: Fit, configurations: Array, wide: Array
+) -> Solution:
     """Enlarge unusual offsets' errors, and make the mass matrix positive if possible.
 
     The move minimises the increase of the torque residuals: its metric is that of the normal
     equations. If a residual grows by more than `MATERIAL` on any axis, the model has another error,
     and the parameters stay unchanged.
     """
-    metric = embedded(inverse(pieces.normal.information), fit.kept, len(fit.x))
+    metric = embedded(inverse(pieces.normal.information), fit.kept, len(fit.x)) + wide
     covariance, unusual = enlarge_covariance(fit.x, fit.covariance, metric, fit.layout)
     nearest = nearest_positive(robot, fit.x, metric, configurations)
     error = np.sqrt(np.maximum(np.diag(covariance), np.finfo(float).tiny))
@@ -212,8 +233,8 @@ def _possible(robot: Robot, pieces: Regression, fit: Fit, configurations: Array)
     return Solution(fit, moved, possible, tuple(unusual))
 
 
-def require_determined(robot: Robot, pieces: Regression) -> None:
-    """Raise an error for base parameters not determined by the motions.
+def require_determined(robot: Robot, pieces: Regression, still: Sequence[int]) -> None:
+    """Raise an error for base parameters not determined although all axes move.
 
     Raises
     ------
@@ -230,18 +251,20 @@ def require_determined(robot: Robot, pieces: Regression) -> None:
         own[name]: axis for axis in slides if (name := f"Ia{axis + 1}") in own and own[name] in lost
     }
     rest = [k for k in range(len(N)) if k not in rotors]
-    still = [rest[k] for k in _open(N[np.ix_(rest, rest)], len(base) - len(rotors))]
-    reasons = [_explain_slide(base, lost, axis, column) for column, axis in rotors.items()]
-    if len(still) == len(lost) - len(rotors):
-        reasons, still = [], lost
-    if still:
+    open_ = [rest[k] for k in _open(N[np.ix_(rest, rest)], len(base) - len(rotors))]
+    beside = [k for k in lost if k not in open_]
+    reasons = [_explain_slide(base, beside, axis, column) for column, axis in rotors.items()]
+    if len(open_) == len(lost) - len(rotors):
+        reasons, open_ = [], lost
+    if open_ and not still:
         reasons.append(
-            f"the recorded motions do not excite {_listed(base, still)}; add recordings in which "
+            f"the recorded motions do not excite {_listed(base, open_)}; add recordings in which "
             "more joints move through more of their ranges, or state in the robot file which "
             "link parameters are present, or take missing parameters from CAD (hil identify "
             "--prior cad=0.3 --urdf FILE)"
         )
-    raise NotIdentifiable(". ".join(reasons))
+    if reasons:
+        raise NotIdentifiable(". ".join(reasons))
 
 
 def _open(N: Array, n: int) -> list[int]:

@@ -142,7 +142,8 @@ def _law(
             at[here] = np.interp(side * speed[here], v, level)
             bands.append(Band(side * v, level - half, level + half, label="95 % interval"))
             lines.append(Line(side * v, level, label="law of friction", width=1.8))
-    order = np.argsort(speed)[np.unique(np.linspace(0, len(speed) - 1, POINTS).astype(int))]
+    kept = np.linspace(0, len(speed) - 1, min(POINTS, len(speed))).astype(int)
+    order = np.argsort(speed)[kept]
     return Panel(
         (
             Rule(0.0),

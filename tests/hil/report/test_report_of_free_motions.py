@@ -41,3 +41,12 @@ def test_figures_are_written_as_files_too(tmp_path: Path) -> None:
     run = write_free_run(tmp_path / "run", robot, recorded(robot, TRUTH, n=1))
     report(run, tmp_path / "figures")
     assert (tmp_path / "figures" / "torque.svg").stat().st_size > 1000
+
+
+def test_an_axis_at_rest_has_a_report_and_a_verdict(tmp_path: Path) -> None:
+    data = recorded(arm(), TRUTH, n=2)
+    for _, recording in data:
+        recording.q[:, 0] = 0.3
+    run = write_free_run(tmp_path / "run", arm(), data)
+    shown = report(run, tmp_path / "figures").read_text()
+    assert "axis 1 does not move in the recordings: p1, p2, p3 not identified" in shown

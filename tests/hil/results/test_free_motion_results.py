@@ -16,6 +16,7 @@ from hil.friction.law import FrictionLaw
 from hil.results.model import Model
 from hil.results.predicted_torques import predicted_torques
 from hil.results.recorded_torque import predict_recording
+from hil.results.verdict import verdict
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -104,3 +105,17 @@ def test_the_summary_states_friction_residuals_and_what_was_chosen(model: Model)
     text = str(model.summary())
     for word in ("Friction", "viscous", "all samples", "cut-off", "dead zone", "Hausman"):
         assert word in text
+
+
+@pytest.mark.parametrize(
+    ("parameter", "lacking"), [(0, "with greater acceleration"), (1, "over a wider range")]
+)
+def test_axes_that_are_not_excited_are_named_with_what_is_lacking(
+    model: Model, parameter: int, lacking: str
+) -> None:
+    loose = model.scatter_covariance.copy()
+    loose[parameter, parameter] += 100.0
+    found = verdict(replace(model, scatter_covariance=loose))
+    (doubt,) = (each for each in found.reasons if "not excited" in each.reason)
+    assert doubt.reason.startswith("axis 1 not excited by the recordings")
+    assert lacking in doubt.remedy

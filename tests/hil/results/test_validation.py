@@ -129,6 +129,21 @@ def test_intervals_that_hold_far_fewer_samples_than_they_say_do_not_pass(
     assert (f"{inside:.0%} of the samples" in found.reason) == (word != "good")
 
 
+@pytest.mark.parametrize("uncovered", ["", "11% of the samples are faster than 1.6 rad/s"])
+@pytest.mark.parametrize(("relative", "word"), [(0.004, "good"), (0.02, "doubtful")])
+def test_intervals_narrower_than_any_notable_error_raise_no_doubt(
+    relative: float, word: str, uncovered: str
+) -> None:
+    score = AxisScore(
+        axis=1, unit="N m", samples=999, torque=1.0, residual=relative, relative=relative,
+        naive=1.0, inside=0.6, gain=1.0, gain_error=0.0, asymmetry=0.1, limited=0.0,
+        identified=relative / 2, uncovered=uncovered,
+    )  # fmt: skip
+    found = judged([score], 1)
+    assert found.word == word
+    assert all(uncovered in each.reason for each in found.reasons[-1:])
+
+
 def test_the_least_share_inside_is_that_of_an_error_which_all_samples_share() -> None:
     # half of the variance is shared; the shared error is at the end of its 95 % interval
     level, share = 1.96, np.sqrt(0.5)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -11,6 +12,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as arrays
 
+from hil.estimation.free_motion.choice import covariance_of_choices
 from hil.estimation.free_motion.gathering import gather
 from hil.estimation.free_motion.solution import solve
 from hil.estimation.free_motion.survey import configurations
@@ -196,3 +198,18 @@ def test_a_presliding_that_no_law_holds_gets_a_dead_zone_and_counts_as_residual(
     assert (with_zone.residual > 0.9 * without.residual).all()
     error, of_all = (np.linalg.norm(found.p - TRUTH) for found in (with_zone, without))
     assert error < of_all
+
+
+def test_an_alternative_with_too_few_samples_adds_no_more_than_the_choice_leaves() -> None:
+    gathered = gather(arm(), recorded(arm(), TRUTH), VARIANTS[DEFAULT])
+    products, choice = gathered.products, gathered.choice
+    assert choice.slowest == 0
+    few = np.zeros((products.n_pieces, 1, 1, 1))
+    few[0] = 1.0
+    pieces = [replace(each, products=each.products * few) for each in products.pieces[1:]]
+    scarce = replace(products, pieces=(products.pieces[0], *pieces))
+    n = len(TRUTH)
+    N = choice.fitted(products).normal.information[:n, :n]
+    added = np.trace(N @ covariance_of_choices(scarce, choice)[:n, :n])
+    # residuals weighted by their variances: 1 for each sample
+    assert added < products.pieces[0].counts.sum()

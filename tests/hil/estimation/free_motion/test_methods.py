@@ -121,10 +121,19 @@ def test_a_short_recording_carries_a_warning(robot: Robot) -> None:
     assert any("s needed: intervals may be too small" in remark for remark in found.remarks)
 
 
-def test_what_the_motion_does_not_excite_is_refused_by_name(robot: Robot) -> None:
+def test_recordings_in_which_nothing_moves_are_refused(robot: Robot) -> None:
+    data, rng = recorded(robot, TRUTH), np.random.default_rng(1)
+    for _, recording in data:
+        recording.q[:] = 0.3 + 1e-4 * rng.standard_normal(recording.q.shape)
+    with pytest.raises(NotIdentifiable, match="no axis moves in the recordings"):
+        estimate(robot, data, "free motion")
+
+
+def test_what_motions_of_all_axes_do_not_excite_is_refused_by_name(robot: Robot) -> None:
     data = recorded(robot, TRUTH)
     for _, recording in data:
-        recording.q[:] = 0.3
+        # link 2 keeps its orientation: neither its weight nor its inertia about its axis is seen
+        recording.q[:, 1] = 0.3 - recording.q[:, 0]
     with pytest.raises(NotIdentifiable, match=r"do not excite .*p"):
         estimate(robot, data, "free motion")
 

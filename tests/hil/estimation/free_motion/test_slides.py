@@ -78,10 +78,11 @@ def test_a_slide_across_gravity_needs_no_rotor_inertia():
     assert np.isfinite(found.p).all()
 
 
-def test_motions_of_one_joint_alone_are_still_refused_for_what_they_do_not_excite():
-    robot = lift()
-    data = recordings(robot, truth_of(robot))
+def test_a_joint_at_rest_beside_a_slide_is_no_second_reason_for_refusal():
+    refused, accepted = lift(), lift(rotor_inertia=0.0)
+    data = recordings(refused, truth_of(refused))
     for _, recording in data:
         recording.q[:, 1] = 0.3
-    with pytest.raises(NotIdentifiable, match=r"joint 1 in the robot file .*do not excite p"):
-        estimate(robot, data, "free motion")
+    with pytest.raises(NotIdentifiable, match=r"axis 1 \(p5\) .*moved mass \(in p1\): "):
+        estimate(refused, data, "free motion")
+    assert estimate(accepted, data, "free motion").details.not_identified == ("p2", "p3", "p4")

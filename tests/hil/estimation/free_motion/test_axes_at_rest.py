@@ -1,0 +1,81 @@
+"""Axes exactly at rest: what they do not show is named, and all else is identified."""
+
+import free_run
+import numpy as np
+import pytest
+from free_run import TRUTH, arm, recorded, some_motion
+
+from hil.estimation.identify import estimate
+from hil.estimation.options import Options
+from hil.estimation.prior import Prior
+from hil.model.dynamics import inverse_dynamics, regressor
+
+BODIES = np.array([
+    [0.5, 0.1, 0.0, 3.0, 0.0, 3.0, 4.0, 0.5, 0.2, 10.0],
+    [0.2, 0.05, 0.0, 1.0, 0.0, 1.1, 1.5, -0.2, 0.1, 4.0],
+])  # fmt: skip
+
+
+def resting(axis):
+    """Return a motion with an axis at 0.3 rad."""
+
+    def motion(t, seed=0):
+        made = some_motion(t, seed)
+        for x, value in zip(made, (0.3, 0.0, 0.0), strict=True):
+            x[:, axis] = value
+        return made
+
+    return motion
+
+
+def recordings(monkeypatch, robot, axis, flicker=0.0):
+    """Record with an axis at rest; its encoder shows `flicker` in half of the samples [rad]."""
+    monkeypatch.setattr(free_run, "some_motion", resting(axis))
+    p = np.pad(TRUTH, (0, robot_size(robot) - len(TRUTH)), constant_values=0.4)
+    data, rng = recorded(robot, p), np.random.default_rng(2)
+    for _, recording in data:
+        recording.q[:, axis] += flicker * (rng.uniform(size=recording.n_samples) > 0.5)
+    return data, p
+
+
+def robot_size(robot):
+    return regressor(robot, *np.zeros((3, 1, 2))).shape[-1]
+
+
+def errors(robot, found, motion):
+    """Return standard errors of the torques on a motion [N m], (n, 2)."""
+    A = regressor(robot, *motion)
+    return np.sqrt(np.einsum("njk,kl,njl->nj", A, found.covariance, A))
+
+
+@pytest.mark.parametrize(("axis", "lost"), [(0, ("p1", "p2", "p3")), (1, ("p7",))])
+@pytest.mark.parametrize("flicker", [0.0, 8e-5])
+def test_motions_with_the_axis_at_rest_are_predicted(monkeypatch, axis, lost, flicker):
+    robot = arm(rotor_inertia="unknown")
+    data, p = recordings(monkeypatch, robot, axis, flicker)
+    found = estimate(robot, data, "free motion")
+    assert found.details.still == (axis + 1,)
+    named = found.details.not_identified
+    assert set(named) < set(lost) if flicker else named == lost
+    motion = resting(axis)(np.arange(0.0, 20.0, 0.1), 9)
+    error = errors(robot, found, motion)[:, 1 - axis]
+    wrong = inverse_dynamics(robot, found.p, *motion) - inverse_dynamics(robot, p, *motion)
+    assert error.max() < 0.5
+    assert np.all(np.abs(wrong[:, 1 - axis]) < 5.0 * error.max())
+
+
+@pytest.mark.parametrize("axis", [0, 1])
+def test_motions_of_the_axis_itself_are_unknown(monkeypatch, axis):
+    robot = arm(rotor_inertia="unknown")
+    found = estimate(robot, recordings(monkeypatch, robot, axis)[0], "free motion")
+    assert np.mean(errors(robot, found, some_motion(np.arange(0.0, 20.0, 0.1)))[:, axis]) > 10.0
+
+
+@pytest.mark.parametrize("method", ["improved", "free motion"])
+def test_a_prior_of_bodies_leaves_a_rotor_without_data_unidentified(monkeypatch, method):
+    robot = arm(rotor_inertia="unknown")
+    data, _ = recordings(monkeypatch, robot, 1)
+    found = estimate(robot, data, method, Options(prior=Prior(BODIES, 0.3)))
+    assert found.details.not_identified == (("p7",) if method == "free motion" else ())
+    assert found.standard_error[6] > 1.0
+    assert np.isfinite(found.covariance).all()
