@@ -86,6 +86,7 @@ def identify(
     refine: Annotated[
         Literal["simulation"] | None,
         typer.Option(
+            metavar="simulation",
             help="Fit simulated to recorded positions, from the regression's model; kept if better"
             " on held-out recordings."
         ),
