@@ -34,7 +34,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from checked_files.yaml_file import FileModel
-from hil.results.judgement import NOTABLE, doubtful, failed
+from hil.results.judgement import NOTABLE, doubtful
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator
@@ -126,10 +126,7 @@ class BandResidual(FileModel):
 
 
 def unexplained(found: BandResidual | None, limit: Array, accuracy: float) -> Iterator[Reservation]:
-    """Return an objection to each loaded axis with a large residual, the worst first.
-
-    A model fails whose residual exceeds the torque itself. Noise and vibration without relation to
-    the model add equally to both mean squares, so such a model is worse than the torque zero.
+    """Return a doubt for each loaded axis with a large residual, the worst first.
 
     Parameters
     ----------
@@ -143,14 +140,7 @@ def unexplained(found: BandResidual | None, limit: Array, accuracy: float) -> It
         return
     left = np.where(found.loaded(limit), np.nan_to_num(found.relative_smoothed), 0.0)
     for axis in np.argsort(-left, kind="stable").tolist():
-        if left[axis] > 1.0:
-            yield failed(
-                f"axis {axis + 1}: residual {_percent(left[axis])} of the torque up to "
-                f"{found.band:g} Hz, more than the torque itself: the model is worse than none",
-                "check columns, signs and units; if they are right, record slower motion, or more "
-                "samples per second",
-            )
-        elif left[axis] > accuracy:
+        if left[axis] > accuracy:
             yield doubtful(
                 f"axis {axis + 1}: residual {_percent(left[axis])} of the torque up to "
                 f"{found.band:g} Hz, at most {_percent(accuracy)} allowed (--accuracy)",

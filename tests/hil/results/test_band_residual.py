@@ -160,13 +160,6 @@ def test_good_needs_accuracy_on_every_axis_that_carries_load(model: Model) -> No
     assert not [each for each in wide.reasons if "(--accuracy)" in each.reason]
 
 
-def test_a_model_that_explains_less_than_none_has_failed(model: Model) -> None:
-    found = verdict(replace(model, band_residual=residual(0.05, 20.03)))
-    assert found.word == "failed"
-    assert found.reason.startswith("axis 2: residual 2003 % of the torque up to 8 Hz, more than")
-    assert verdict(replace(model, band_residual=residual(0.05, 0.99))).word == "doubtful"
-
-
 def test_an_axis_that_hardly_carries_load_counts_no_accuracy() -> None:
     limits = np.array([90.0, np.nan])
     small = residual(0.5, 0.5).model_copy(update={"torque": (0.5, 20.0)})
