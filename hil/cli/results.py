@@ -88,7 +88,7 @@ def identify(
         typer.Option(
             metavar="simulation",
             help="Fit simulated to recorded positions, from the regression's model; kept if better"
-            " on held-out recordings."
+            " on held-out recordings.",
         ),
     ] = None,
 ) -> None:
