@@ -82,9 +82,11 @@ def identify(
 
     with executor(workers, scheduler) as execute, out.status("looking for runs") as status:
         found = identify_runs(folders, execute, status.update)
-    give(identified=found.new, verdicts=list(found.verdicts))
-    words = f": {', '.join(found.verdicts)}" if found.verdicts else ""
-    _finish(found, f"{found.new} runs identified, {found.known} up to date{words}")
+    verdicts = found.verdicts or {}
+    give(identified=found.new, verdicts=verdicts)
+    words = ", ".join(f"{n} {word}" for word, n in sorted(verdicts.items()) if word)
+    sentence = f"{found.new} runs identified, {found.known} up to date"
+    _finish(found, f"{sentence}: {words}" if words else sentence)
 
 
 def _finish(found: Runs, sentence: str) -> None:

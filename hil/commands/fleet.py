@@ -23,7 +23,6 @@ from hil.least_squares.uncertainty import TWICE
 from hil.optional_packages import needed_for
 from hil.results.deviations import ENOUGH, FIRST, NEWEST, Deviations, Fleet, deviations
 from hil.results.fleet_index import EXTRA, known_keys, model_rows, table_of, write_part
-from hil.results.judgement import WORDS
 from hil.results.model import Model
 from hil.results.model_file import NAME, ModelFile
 from hil.results.tables.changes import changed_table
@@ -62,7 +61,7 @@ class Runs(NamedTuple):
     new: int
     known: int
     left_out: tuple[str, ...]
-    verdicts: tuple[str, ...] = ()
+    verdicts: Counter[str] | None = None
 
 
 def index(
@@ -154,8 +153,7 @@ def identify_runs(
             known += result[0]
             words[result[1]] += 1
         progress(f"identified {n} of {len(runs)} runs")
-    verdicts = tuple(f"{words[word]} {word}" for word in WORDS if words[word])
-    return Runs(len(runs) - known - len(left_out), known, tuple(sorted(left_out)), verdicts)
+    return Runs(len(runs) - known - len(left_out), known, tuple(sorted(left_out)), words)
 
 
 def _reason(error: Exception) -> str:

@@ -55,7 +55,7 @@ _NOISE = 1.0 - FITS
 
 Such noise reduces the ratio of the velocities by the same share.
 """
-NOTHING = 4e-21
+THERMAL = 4e-21
 """Torque [N m] whose work over a radian is the thermal energy of a molecule at 20 °C, k T.
 
 No sensor resolves less, nor less of a position or a velocity: an atom's nucleus has 1e-15 m.
@@ -276,11 +276,11 @@ def unmeasurable(evidence: Evidence) -> Iterator[Suspicion]:
     columns = {"position": evidence.q, "velocity": evidence.recorded_qd, "torque": evidence.tau}
     for key, values in columns.items():
         most = np.abs(values).max(axis=0)
-        for joint in np.flatnonzero(evidence.moves & (most > 0) & (most < NOTHING)).tolist():
+        for joint in np.flatnonzero(evidence.moves & (most > 0) & (most < THERMAL)).tolist():
             yield Suspicion(
                 "range",
                 ("joints", joint, key),
-                f"values up to {most[joint]:.2g} are no {key}, at least {NOTHING:g} (SI) needed "
+                f"values up to {most[joint]:.2g} are no {key}, at least {THERMAL:g} (SI) needed "
                 "for any sensor: integers read as doubles, or unwritten memory, have such values; "
                 "correct the driver that recorded them, or name another column",
             )

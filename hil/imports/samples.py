@@ -170,7 +170,7 @@ def read_samples(
 
 
 def _refuse_apart(the_map: MapFile) -> None:
-    """Refuse columns that have numbers in other rows than other columns, by name."""
+    """Refuse a table whose columns have numbers in different rows; name columns and rows."""
     file, time = the_map.content.files[0], the_map.content.time
     wanted = [(at, each.column) for at, each in columns_of(the_map) if each and at[0] == "joints"]
     blocks = _file_blocks(the_map, 0, file, {})

@@ -117,20 +117,21 @@ class ReportedRun:
     @cached_property
     def model(self) -> Model:
         """Model of the estimate, or the model in the folder if refined from this estimate."""
-        found = self.found.model
-        with suppress(HilError):
-            kept = Model.load(self.source.path / NAME)
-            if kept.refinement is not None and kept.refinement.start_digest == found.digest:
-                return kept
-        return found
+        found, kept = self.found.model, self._saved_model
+        refined = kept and kept.refinement
+        return kept if kept and refined and refined.start_digest == found.digest else found
 
     @cached_property
     def kept_model(self) -> Model | None:
         """Model in the run's folder, None if different from the report's model."""
+        kept = self._saved_model
+        differs = kept and not same_parameters(kept.values.tolist(), self.model.values)
+        return kept if differs else None
+
+    @cached_property
+    def _saved_model(self) -> Model | None:
         with suppress(HilError):
-            kept = Model.load(self.source.path / NAME)
-            if not same_parameters(kept.values.tolist(), self.model.values):
-                return kept
+            return Model.load(self.source.path / NAME)
         return None
 
     @cached_property

@@ -48,7 +48,7 @@ FEWEST_GROUPS = 12
 FINEST = 1e-4
 """Share of the torque limit below which no model is exact: differences of positions and means over
 the window leave an error of this size even in torques without noise."""
-_SAME = 1e-6
+SAME = 1e-6
 """Threshold on singular values, since friction columns are equal at a single speed."""
 
 
@@ -123,7 +123,7 @@ class Evidence:
             for run in (False, True):
                 rows = np.flatnonzero((self.axis == channel) & (self.is_later == run))
                 if len(rows) and own.shape[1]:
-                    basis, _ = orthonormal(own[rows], _SAME)
+                    basis, _ = orthonormal(own[rows], SAME)
                     parts.append((slice(rows[0], rows[-1] + 1), basis))
         return replace(self, own=own[:, :0], parts=tuple(parts))
 
@@ -187,7 +187,7 @@ class Evidence:
         parts, first = [], 0
         for (rows, Q), some in zip(self.parts, kept, strict=True):
             if len(some):
-                basis, _ = orthonormal(Q[np.asarray(some) - rows.start], _SAME)
+                basis, _ = orthonormal(Q[np.asarray(some) - rows.start], SAME)
                 parts.append((slice(first, first + len(some)), basis))
                 first += len(some)
         at = np.concatenate(kept).astype(np.intp)
@@ -306,7 +306,7 @@ def _part(
     time = s.time[index]
     longest = min(LONGEST, float(np.ptp(time)) / several + s.period)
     number = ((time - time[0]) // longest).astype(np.intp)
-    Q, _ = orthonormal(each.friction[some], _SAME)
+    Q, _ = orthonormal(each.friction[some], SAME)
     own = each.X[some, n_base:].copy()
     if not loaded[each.axis]:
         own[:, LOAD:] = 0.0

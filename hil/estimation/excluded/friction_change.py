@@ -1,4 +1,4 @@
-"""Change of friction between recordings: one more column beside those of other causes.
+"""Change of friction between recordings, a column beside the columns of causes.
 
 Friction is separate for each measurement in all other tests, so these show no change of friction.
 Here all recordings share the friction of an axis, an odd function of the speed with a coefficient
@@ -30,6 +30,7 @@ from hil.estimation.excluded.battery import FAMILIES, LEVEL, Battery
 from hil.estimation.excluded.causes import CAUSES
 from hil.estimation.excluded.columns import Column, Columns
 from hil.estimation.excluded.deviation import parts_of
+from hil.estimation.excluded.evidence import SAME
 from hil.estimation.excluded.limits import noncentrality, torque_shares
 from hil.estimation.excluded.result import Found, Limit
 from hil.least_squares.solving import orthonormal
@@ -44,8 +45,6 @@ SEVERAL = 3
 CLASSES = 8
 """Number of classes of speed, each with as many earlier rows: over an eighth of them a smooth curve
 of friction hardly differs in shape from the terms beside the classes."""
-SAME = 1e-6
-"""Relative singular value below which columns of friction are linearly dependent."""
 
 
 def friction_changes(
@@ -76,62 +75,58 @@ def friction_changes(
     unchanged = Battery(evidence.only(early), Columns(names, values[early], every.free))
     scales = unchanged.part_scales(parts_of(unchanged.evidence.time))
     battery = Battery(evidence, both, [len(axes) + k for k in given], scales)
-    tests = [(k, test) for k in range(len(axes)) if (test := battery.test([k], itself=True))]
+    every_test = [battery.test([k], itself=True) for k in range(len(axes))]
+    tests = [test for test in every_test if test]
     if not tests:
         return (), ()
-    shares = torque_shares(battery)
-    change, error, degrees = (
-        np.array(each) for each in zip(
-            *((0.01 * test.size[0], 0.01 * test.error[0], test.degrees) for _, test in tests),
-            strict=True,
-        )
-    )  # fmt: skip
-    raw = change
+    at = np.concatenate([test.columns for test in tests])
+    raw = 0.01 * np.array([test.size[0] for test in tests])
+    error = 0.01 * np.array([test.error[0] for test in tests])
+    degrees = np.array([test.degrees for test in tests])
     # the earlier friction is 1; without visible friction no change of it is visible, and friction
     # that would drive the axis is a fault of the model
-    known = (special.stdtr(degrees, -1.0 / error) < LEVEL) & (change > -1.0)
+    known = (special.stdtr(degrees, -1.0 / error) < LEVEL) & (raw > -1.0)
+    change, cause = raw, CAUSES[FRICTION]
     if len(tests) >= SEVERAL:
         others = ~np.eye(len(tests), dtype=bool)
         precision = np.array([np.sum(1.0 / error[each]) for each in others])
-        change = change - [np.median(change[each]) for each in others]
+        change = raw - [np.median(raw[each]) for each in others]
         error = np.sqrt(error**2 + np.pi / 2.0 * (len(tests) - 1) / precision**2)
+    else:
+        cause = cause._replace(words="friction greater by")
     p_value = 2.0 * special.stdtr(degrees, -np.abs(change) / error)
     level = LEVEL / FAMILIES / len(tests)
     need = [np.sqrt(noncentrality(1, max(math.floor(each), 1), level)) for each in degrees]
-    least = 0.01 * battery.least_change(np.array([k for k, _ in tests]))
     # as in `limits`; beside the rest, the change counts as a whole
-    size = np.maximum(need * error + np.abs(change), least + np.abs(raw))
-    large = [battery.exceeds_the_rest(test) for _, test in tests]
-    cause = CAUSES[FRICTION]
-    if len(tests) < SEVERAL:
-        cause = cause._replace(words="friction greater by")
+    size = np.maximum(need * error + np.abs(change), 0.01 * battery.least_change(at) + np.abs(raw))
+    shares = torque_shares(battery)
     found = tuple(
         Found(
             cause=FRICTION,
-            axes=(axes[tests[n][0]] + 1,),
+            axes=(axes[at[n]] + 1,),
             detail=cause.sized(100.0 * change[n], 100.0 * error[n], "%"),
             size=100.0 * float(change[n]),
             error=100.0 * float(error[n]),
         )
         for n in np.argsort(p_value)
-        if known[n] and large[n] and p_value[n] < level
+        if known[n] and p_value[n] < level and battery.exceeds_the_rest(tests[n])
     )
     limits = tuple(
         Limit(
             cause=FRICTION,
-            axis=axes[k] + 1,
+            axis=axes[column] + 1,
             part="",
             unit="%",
             size=100.0 * float(size[n]) if known[n] else None,
-            torque=float(shares[k]),
+            torque=float(shares[column]),
         )
-        for n, (k, _) in enumerate(tests)
+        for n, column in enumerate(at)
     )
     return found, limits
 
 
 def _shared(p: Array, evidence: Evidence) -> tuple[Evidence, dict[int, Array]]:
-    """Return the evidence with the friction of each axis shared by all recordings.
+    """Return the evidence with common friction of all recordings, and earlier friction by axis.
 
     The columns of friction, and one of friction in proportion to the load, are the channels' own;
     offsets are those of parts. The earlier friction of axes, by axis from 0, has shape (n,) and is

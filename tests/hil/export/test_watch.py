@@ -106,6 +106,11 @@ def test_c_raises_the_alarms_of_the_watch(kind: str, learned: bool, tmp_path: Pa
     assert alarms_in_c(model, found, recorded(model), tmp_path, learned=learned) == []
 
 
+def run(folder: Path, *command: str) -> subprocess.CompletedProcess[str]:
+    """Run a compiler or its tool in a folder."""
+    return subprocess.run(command, cwd=folder, capture_output=True, text=True, check=True)  # noqa: S603
+
+
 @needs_compiler
 @pytest.mark.skipif(NM is None, reason="there is no nm")
 def test_the_c_of_the_watch_calls_five_functions_and_allocates_nothing(tmp_path: Path) -> None:
@@ -119,9 +124,9 @@ def test_the_c_of_the_watch_calls_five_functions_and_allocates_nothing(tmp_path:
         "void sample(pan_tilt_watch *s, const double *q)\n"
         "{ pan_tilt_watch_sample(s, 0.004, q, q); }\n"
     )
-    for command in ([str(COMPILER), *STRICT, "-c", "library.c"], [str(NM), "-u", "library.o"]):
-        done = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, check=True)  # noqa: S603
-    names = {word.lstrip("_") for word in done.stdout.split()} - {"U", "GLOBAL_OFFSET_TABLE_"}
+    run(tmp_path, str(COMPILER), *STRICT, "-c", "library.c")
+    listed = run(tmp_path, str(NM), "-u", "library.o").stdout
+    names = {word.lstrip("_") for word in listed.split()} - {"U", "GLOBAL_OFFSET_TABLE_"}
     # compilers compute sine and cosine together, and copy structures by memcpy or memset
     both = {"sincos", "memcpy", "memset", "stack_chk_fail"}
     assert {"sin", "cos", "atan", "exp", "sqrt", *both} >= names >= {"exp"}
@@ -137,9 +142,8 @@ def test_nodes_in_cpp_take_the_headers_without_a_warning(tmp_path: Path) -> None
         "void start(pan_tilt_watch &s);\n"
         "void start(pan_tilt_watch &s) { pan_tilt_start_watch(&s, true); }\n"
     )
-    command = [str(CPP), "-Wall", "-Wextra", "-Wpedantic", "-fsyntax-only", "node.cpp"]
-    done = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, check=True)  # noqa: S603
-    assert not done.stderr
+    options = "-Wall", "-Wextra", "-Wpedantic", "-fsyntax-only"
+    assert not run(tmp_path, str(CPP), *options, "node.cpp").stderr
 
 
 @pytest.mark.parametrize("language", ["c", "python", "st"])
