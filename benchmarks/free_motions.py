@@ -22,7 +22,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 from figures import Figure, keep
-from foreign_recordings import CASES, NAMES, record
+from foreign_recordings import CASES, NAMES, ROBOTS, record
 
 from hil.errors import HilError
 from hil.estimation.free_motion.result import FreeMotionFit
@@ -68,7 +68,7 @@ def judge(recorded: Path) -> Judged:
     for name in ("seen", "unseen"):
         shutil.rmtree(recorded / name, ignore_errors=True)
     run, other = (
-        import_recordings([recorded / f"{name}.yaml"], recorded / name)
+        import_recordings([recorded / f"{name}.yaml"], recorded / name, files=[ROBOTS])
         for name in ("seen", "unseen")
     )
     found = estimate(run.robot, Pooled([run]), "free motion")

@@ -82,7 +82,7 @@ def identify(
 
     with executor(workers, scheduler) as execute, out.status("looking for runs") as status:
         found = identify_runs(folders, execute, status.update)
-    verdicts = found.verdicts or {}
+    verdicts: dict[str, int] = dict(found.verdicts or {})
     give(identified=found.new, verdicts=verdicts)
     words = ", ".join(f"{n} {word}" for word, n in sorted(verdicts.items()) if word)
     sentence = f"{found.new} runs identified, {found.known} up to date"
