@@ -16,7 +16,8 @@ PYTHON ?= $(shell for p in python3 python3.14 python3.13 python3.12 python3.11; 
 PYTHONS ?= python3.11 python3.12 python3.13 python3.14
 PIP := $(BIN)/python -m pip --quiet --disable-pip-version-check
 # uv takes a seventh of pip's time; where it is not to be had, or finds no index, pip does it. Both
-# install what requirements/ states, by hash; `make lock` states it anew.
+# install what requirements/ states, by hash; `make lock` states it anew. What users run is compiled
+# to bytecode at once, as pip does: the first command would wait for it else.
 UV := $(BIN)/python -m uv pip install --quiet --python $(BIN)/python
 HASHED := --require-hashes -r requirements
 LOCK := $(BIN)/python -m uv pip compile --quiet --universal --python-version 3.11 --upgrade \
@@ -172,14 +173,14 @@ $(MADE):
 
 $(RUNTIME): pyproject.toml $(MACHINE_CODE) requirements/run.txt | $(MADE)
 	@echo 'installing what it needs into $(VENV), once'
-	@{ $(PIP) install $(HASHED)/uv.txt && $(UV) $(HASHED)/run.txt; } 2>/dev/null || \
+	@{ $(PIP) install $(HASHED)/uv.txt && $(UV) --compile-bytecode $(HASHED)/run.txt; } 2>/dev/null || \
 		$(PIP) install $(HASHED)/run.txt
 	@$(UV) $(ITSELF) 2>/dev/null || $(PIP) install $(ITSELF)
+	@$(BIN)/python -m compileall -q hil drivers sim_plant
 	@touch $@
 
-$(DEV): pyproject.toml $(MACHINE_CODE) requirements/dev.txt | $(MADE)
-	@echo 'installing it and its checks into $(VENV); half a minute, once'
+$(DEV): requirements/dev.txt $(RUNTIME)
+	@echo 'installing its checks into $(VENV); half a minute, once'
 	@{ $(PIP) install $(HASHED)/uv.txt && $(UV) $(HASHED)/dev.txt; } 2>/dev/null || \
 		$(PIP) install $(HASHED)/dev.txt
-	@$(UV) $(ITSELF) 2>/dev/null || $(PIP) install $(ITSELF)
-	@touch $(RUNTIME) $@
+	@touch $@
