@@ -152,7 +152,9 @@ def estimate_from(
         not_identified=_names(robot, solution),
         bias_test=bias_test(robot, gathered.stretches, scaling, choice, gathered.first),
         least_inertia=least_inertia(robot, fit.x[:n], visited),
-        remarks=remarks(robot, products, solution, found, plain.condition, left.torque),
+        remarks=remarks(
+            robot, products, solution, found, plain.condition, left.torque, processing.held
+        ),
         gains=found_gains(robot, scaling, fit),
         lag=torque_lags(gathered),
         compliance=compliances(robot, processing.soft, fit),

@@ -191,7 +191,9 @@ def _misread(
         if len(axes) == 2 and astray.issuperset(axes):
             tried += [(*each[:3], signed) for signed in _signed(reading, axes)]
     if likely:
-        tried.append(min(likely, key=lambda each: each[0])[1])
+        # of equal readings the first: on an arm whose axes are parallel, gravity along them makes
+        # the same torques as none, and rounding errors would choose
+        tried.append(min(likely, key=lambda each: float(f"{each[0]:.6g}"))[1])
     if not tried:
         return None
     left, cause, axes, words = min(

@@ -322,13 +322,14 @@ def every_axis(
     terms: tuple[str, ...],
     soft: tuple[int, ...],
 ) -> Iterator[Array]:
-    """Yield torque and columns of every axis, filtered."""
+    """Yield torque and columns of every axis, filtered; zeros for a held axis."""
     A = regressor(robot, motion.q, motion.qd, motion.qdd)
     gears = soft_gears(robot, motion, first, soft)
     for axis in range(robot.n_joints):
         columns = axis_columns(robot, motion, axis, A[:, axis], first, terms, gears)
         passed = motion.passed(columns)
-        yield side_by_side(y[: len(passed), axis], passed[: len(y)])
+        rows = side_by_side(y[: len(passed), axis], passed[: len(y)])
+        yield np.zeros_like(rows) if axis in motion.processing.held else rows
 
 
 def pieces_of(motion: Motion, length: float) -> list[slice]:

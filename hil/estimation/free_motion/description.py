@@ -190,12 +190,13 @@ def remarks(
     found: Survey,
     condition: float,
     torque: Array,
+    held: Sequence[int] = (),
 ) -> tuple[str, ...]:
     """Return remarks on short data, poor excitation and axes at rest.
 
     `condition` is the condition number with the classical friction law: terms of richer laws are
     similar to each other for any motion. `torque` is the root mean square of the torque of each
-    axis.
+    axis, and `held` are the axes at rest whose torque is not used, from 0.
     """
     said = []
     if found.duration < SHORT or products.n_pieces < FEW_BLOCKS:
@@ -211,6 +212,11 @@ def remarks(
     if found.still:
         axes = ", ".join(str(axis + 1) for axis in found.still)
         said.append(f"axis {axes} does not move in the recordings: its friction is not identified")
+    said += [
+        f"axis {axis + 1}: its torque at rest does not follow the motion of the other axes; a "
+        "brake or static friction may carry the load, so this torque is not used"
+        for axis in held
+    ]
     for axis, one in _one_way(products, solution.fit).items():
         said.append(
             f"axis {axis + 1} {one} {robot.torque_unit(axis)}; add recordings in both directions"

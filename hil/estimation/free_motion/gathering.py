@@ -21,6 +21,7 @@ from hil.estimation.free_motion.choice import (
     usual,
 )
 from hil.estimation.free_motion.drift import Drift, find_drift
+from hil.estimation.free_motion.held import held_axes
 from hil.estimation.free_motion.motion import filtered_motion
 from hil.estimation.free_motion.nuisances import find_nuisances
 from hil.estimation.free_motion.scaling import (
@@ -184,6 +185,8 @@ def gather(
     motions = free_motions(recorded)
     found = survey(motions)
     processing, reasons = processing_of(found)
+    if found.still and not found.unknown_gains:
+        processing = replace(processing, held=_held(robot, found, processing))
     chosen = variant.terms == "chosen"
     nuisances = find_nuisances(robot, found, processing, options.nuisance if chosen else ())
     processing = nuisances.processing
@@ -277,6 +280,19 @@ def rate_regressions(gathered: Sequence[Gathered]) -> list[Kind]:
         cells = replace(cells, channels=names)
         kinds.append(Kind(fitted.transfer(blocks), cells, each.choice_covariance, each.effect))
     return kinds
+
+
+def _held(robot: Robot, found: Survey, processing: Processing) -> tuple[int, ...]:
+    """Return the axes at rest that are held by a brake or by static friction."""
+    motions = [filtered_motion(each, processing) for each in found.stretches]
+    motions = [motion for motion in motions if motion.used.sum() > 1]
+    if not motions:
+        return ()
+    first = np.zeros(len(base_parameters(robot)))
+    divided = division(processing, found.duration)
+    recorded = recorded_products(robot, motions, divided, first, (*CLASSICAL, BENT))
+    known = Scaling.known(np.ones(robot.n_joints)).applied(recorded)
+    return held_axes(known.pieces[0], found.still)
 
 
 def _unspoilt_stretches(

@@ -177,6 +177,10 @@ class Processing:
         Delay of the recorded torque after the position [s]; compensated.
     soft : tuple of int
         Axes with soft gears, from 0.
+    still : tuple of int
+        Axes at rest, from 0.
+    held : tuple of int
+        Axes at rest, from 0, whose torque is not used (`hil.estimation.free_motion.held`).
     """
 
     cut_off: float
@@ -186,6 +190,8 @@ class Processing:
     presliding: Array
     lag: Array
     soft: tuple[int, ...] = ()
+    still: tuple[int, ...] = ()
+    held: tuple[int, ...] = ()
 
     def spoilt(self, period: float) -> int:
         """Return the number of samples at either end affected by reflected samples."""
@@ -316,11 +322,13 @@ def _motion(
         return low_passed(x, recording.period, processing.cut_off, rates.fine, derivatives)
 
     q, qd, qdd = passed(recording.q, 2)
-    if recording.qd is None:
-        return q, qd, qdd
-    taken = processing.recorded_velocity & np.isfinite(recording.qd).all(axis=0)
-    if taken.any():
-        qd[:, taken], qdd[:, taken] = passed(recording.qd[:, taken], 1)
+    if recording.qd is not None:
+        taken = processing.recorded_velocity & np.isfinite(recording.qd).all(axis=0)
+        if taken.any():
+            qd[:, taken], qdd[:, taken] = passed(recording.qd[:, taken], 1)
+    # derivatives of noise alone would seem to excite parameters
+    still = list(processing.still)
+    qd[:, still], qdd[:, still] = 0.0, 0.0
     return q, qd, qdd
 
 

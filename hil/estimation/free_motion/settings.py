@@ -84,7 +84,10 @@ def processing_of(found: Survey) -> tuple[Processing, Reasons]:
     recorded = np.array([source.recorded for source in sources])
     reasons = Reasons(reason, tuple(source.reason for source in sources))
     none = np.zeros(len(found.speed))
-    return Processing(cut_off, cut_off / BANDS, found.speed, recorded, none, none), reasons
+    processing = Processing(
+        cut_off, cut_off / BANDS, found.speed, recorded, none, none, still=found.still
+    )
+    return processing, reasons
 
 
 def cut_off_of(

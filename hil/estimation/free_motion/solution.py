@@ -123,7 +123,7 @@ def solve(
     covariance += split_covariance(only_directions(products.pieces[1]), fit.layout, fit.x)
     fit = replace(fit, covariance=covariance, condition=condition(pieces.normal.information))
     # no weight: torque 0 throughout, so the friction of such an axis is in no equation so far
-    silent = choice.weights == 0
+    silent = (choice.weights == 0) & ~np.isin(np.arange(robot.n_joints), still)
     if solver == "positive":
         fit = replace(fit, covariance=covariance + covariance_of_choices(products, choice))
         found = settled(robot, pieces, fit, configurations, options.prior)
