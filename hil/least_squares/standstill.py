@@ -26,6 +26,9 @@ CARRIED = 1e-4
 """Largest deflection of a standing axis, relative to the widest range of the axes: servos hold arms
 to some 0.1 mrad during motions of some rad (the twins of `tests/robots`)."""
 
+ROUNDING = 1e-9
+"""Rounding of converted counts, relative to the position or 1 rad: at most a count of 32 bits."""
+
 
 class Extent(NamedTuple):
     """Lowest and highest mean of spans, and noise, each (n_joints,)."""
@@ -56,11 +59,13 @@ def moving(extents: Sequence[Extent]) -> Mask:
     reach = high.max(axis=0) - low.min(axis=0)
     # width of the noise band: 5 standard deviations to either side, exceeded by one of two million
     # samples
-    return np.asarray(reach > np.maximum(10.0 * noise.max(axis=0), CARRIED * reach.max()))
+    band = np.maximum(10.0 * noise.max(axis=0), CARRIED * reach.max())
+    size = np.maximum(1.0, np.abs([low, high]).max(axis=(0, 1)))
+    return np.asarray(reach > np.maximum(band, ROUNDING * size))
 
 
 def increment(x: Array) -> float:
     """Return the least difference of distinct values, apart from rounding of converted counts."""
     steps = np.diff(np.sort(x))  # a tenth of the time of np.unique
-    real = steps[steps > 1e-9 * max(1.0, float(np.abs(x).max()))]
+    real = steps[steps > ROUNDING * max(1.0, float(np.abs(x).max()))]
     return float(real.min(initial=np.inf)) if len(real) else 0.0

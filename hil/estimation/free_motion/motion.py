@@ -177,8 +177,8 @@ class Processing:
         Delay of the recorded torque after the position [s]; compensated.
     soft : tuple of int
         Axes with soft gears, from 0.
-    still : tuple of int
-        Axes at rest, from 0.
+    rest : ndarray, shape (n_joints,), optional
+        Positions of axes at rest [rad or m], NaN for the others; by default none rests.
     held : tuple of int
         Axes at rest, from 0, whose torque is not used (`hil.estimation.free_motion.held`).
     """
@@ -190,7 +190,7 @@ class Processing:
     presliding: Array
     lag: Array
     soft: tuple[int, ...] = ()
-    still: tuple[int, ...] = ()
+    rest: Array | None = None
     held: tuple[int, ...] = ()
 
     def spoilt(self, period: float) -> int:
@@ -326,9 +326,10 @@ def _motion(
         taken = processing.recorded_velocity & np.isfinite(recording.qd).all(axis=0)
         if taken.any():
             qd[:, taken], qdd[:, taken] = passed(recording.qd[:, taken], 1)
-    # derivatives of noise alone would seem to excite parameters
-    still = list(processing.still)
-    qd[:, still], qdd[:, still] = 0.0, 0.0
+    if processing.rest is not None:
+        # the noise of an axis at rest would seem to excite parameters
+        still = np.isfinite(processing.rest)
+        q[:, still], qd[:, still], qdd[:, still] = processing.rest[still], 0.0, 0.0
     return q, qd, qdd
 
 

@@ -85,7 +85,7 @@ def processing_of(found: Survey) -> tuple[Processing, Reasons]:
     reasons = Reasons(reason, tuple(source.reason for source in sources))
     none = np.zeros(len(found.speed))
     processing = Processing(
-        cut_off, cut_off / BANDS, found.speed, recorded, none, none, still=found.still
+        cut_off, cut_off / BANDS, found.speed, recorded, none, none, rest=found.rest
     )
     return processing, reasons
 

@@ -44,6 +44,8 @@ class Survey:
         Reference speed of each axis, exceeded by few samples [rad/s or m/s].
     still : tuple of int
         Axes at rest, from 0.
+    rest : ndarray, shape (n_joints,)
+        Positions of the axes at rest [rad or m], NaN for the others.
     duration : float
         Total duration [s].
     longest : float
@@ -60,6 +62,7 @@ class Survey:
     stretches: tuple[Recording, ...]
     speed: Array
     still: tuple[int, ...]
+    rest: Array
     duration: float
     longest: float
     n_recordings: int
@@ -131,6 +134,7 @@ def survey(
         stretches=tuple(stretches.kept),
         speed=np.where(still, 1.0, np.maximum(np.max(speeds, axis=0), SLOWEST)),
         still=tuple(int(axis) for axis in np.flatnonzero(still)),
+        rest=np.where(still, np.mean([(each.low + each.high) / 2 for each in extents], 0), np.nan),
         duration=duration,
         longest=longest,
         n_recordings=len(speeds),
