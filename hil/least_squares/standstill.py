@@ -27,7 +27,7 @@ CARRIED = 1e-4
 to some 0.1 mrad during motions of some rad (the twins of `tests/robots`)."""
 
 ROUNDING = 1e-9
-"""Rounding of converted counts, relative to the position or 1 rad: at most a count of 32 bits."""
+"""Rounding of converted counts, relative to the position: a count of 32 bits has 2e-10."""
 
 
 class Extent(NamedTuple):
@@ -60,12 +60,12 @@ def moving(extents: Sequence[Extent]) -> Mask:
     # width of the noise band: 5 standard deviations to either side, exceeded by one of two million
     # samples
     band = np.maximum(10.0 * noise.max(axis=0), CARRIED * reach.max())
-    size = np.maximum(1.0, np.abs([low, high]).max(axis=(0, 1)))
-    return np.asarray(reach > np.maximum(band, ROUNDING * size))
+    return np.asarray(reach > np.maximum(band, ROUNDING * np.abs([low, high]).max(axis=(0, 1))))
 
 
 def increment(x: Array) -> float:
     """Return the least difference of distinct values, apart from rounding of converted counts."""
     steps = np.diff(np.sort(x))  # a tenth of the time of np.unique
+    # positions in rad or m: increments are no smaller than those of a range of 1
     real = steps[steps > ROUNDING * max(1.0, float(np.abs(x).max()))]
     return float(real.min(initial=np.inf)) if len(real) else 0.0
