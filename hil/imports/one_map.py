@@ -10,7 +10,7 @@ import numpy as np
 
 from checked_files.yaml_file import FileError
 from hil.imports.clipped import clipped_positions
-from hil.imports.evidence import Evidence, even_samples, excerpts_of
+from hil.imports.evidence import Evidence, Suspicion, even_samples, excerpts_of
 from hil.imports.mixed_rows import source_suspicions
 from hil.imports.plausibility import suspicions
 from hil.imports.samples import columns_of, positions_reached, read_samples
@@ -21,6 +21,7 @@ from hil.imports.segments import (
     chosen_rows,
     pieces_by_pairs,
     pieces_of,
+    split_at_jumps,
 )
 from hil.imports.spikes import spike_suspicions
 from hil.imports.stamps import WrongStamps, timing_of
@@ -34,7 +35,6 @@ if TYPE_CHECKING:
     from pathlib import Path
 
     from hil.arrays import Integers, Numbers
-    from hil.imports.evidence import Suspicion
     from hil.imports.map_file import MapFile
     from hil.imports.samples import Location, Samples
     from hil.imports.segments import Piece
@@ -124,6 +124,11 @@ def interpret(
     """
     _refuse_without_numbers(the_map, samples)
     segments = chosen_rows(the_map, samples)
+    lost = []
+    if the_map.content.time is not None and the_map.content.time.rate is not None:
+        parts = split_at_jumps(samples, segments)
+        lost = list(_lost_rows(segments, parts))
+        segments = parts
     mixed = list(source_suspicions(samples, segments))
     _refuse(the_map, mixed)
     timing = _timing(the_map, samples, segments)
@@ -148,7 +153,22 @@ def interpret(
         ]
     _refuse(the_map, found)
     explained = explanation(the_map, robot, excerpts, evidence)
-    return timing, numbered, (*mixed, *spikes, *found), explained
+    return timing, numbered, (*lost, *mixed, *spikes, *found), explained
+
+
+def _lost_rows(segments: list[Integers], parts: list[Integers]) -> Iterator[Suspicion]:
+    """Yield a suspicion of rows missing in a recording without stamps."""
+    first = {int(rows[0]) for rows in segments}
+    begins = [int(rows[0]) for rows in parts if int(rows[0]) not in first]
+    if begins:
+        yield Suspicion(
+            "spikes",
+            ("time", "rate"),
+            f"positions jump from row {begins[0]} to {begins[0] + 1}, and {len(begins)} times in "
+            "all: rows are missing there, and a rate does not show how many; the parts are taken "
+            "as separate motions; record stamps, or state the parts as rows",
+            certain=False,
+        )
 
 
 def _refuse(the_map: MapFile, found: Sequence[Suspicion]) -> None:

@@ -20,6 +20,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from hil.imports.instants import resampled
+from hil.least_squares.standstill import increment
 from hil.runs.recording import IDLE
 
 if TYPE_CHECKING:
@@ -35,6 +36,11 @@ if TYPE_CHECKING:
 
 LONGEST = 60.0
 """Maximum duration of a motion [s]."""
+FAR, FARTHER = 3.0, 10.0
+"""Minimum ratios of a jump to the steps around it, and to an increment: ten rows and more are
+missing, in which another joint may change its speed. Between rows speeds change less."""
+RARE = 0.05
+"""Maximum share of rows before a jump."""
 SHORTEST = 1.0
 """Minimum duration of a motion, and of a block [s]."""
 
@@ -102,6 +108,33 @@ def _within_times(the_map: MapFile, samples: Samples) -> Iterator[Integers]:
                 f" {np.nanmin(time):.6g} to {np.nanmax(time):.6g} s{counted}",
             )
         yield rows
+
+
+def split_at_jumps(samples: Samples, segments: Sequence[Integers]) -> list[Integers]:
+    """Split segments where all moving joints jump at once: rows are missing there.
+
+    Without stamps, a stated rate counts the rows present. At a jump the step of a joint is
+    `FARTHER` than those around it, and that of another moving joint `FAR`. A spike has two such
+    steps, and a slip or another zero of an encoder concerns one joint.
+    """
+    found: list[Integers] = []
+    for rows in segments:
+        q = np.asfortranarray(samples.read(rows)[:, : samples.n_joints])
+        size, joints = max(len(q) - 1, 0), 0
+        far, farther = np.zeros(size, dtype=np.intp), np.zeros(size, dtype=bool)
+        for x in q.T:
+            step = np.abs(np.diff(x))
+            around = np.maximum(step[:-2], step[2:])
+            joints += bool(step.any())
+            at = np.flatnonzero(step[1:-1] > FAR * around)
+            # increments of an encoder are no jumps
+            at = at[step[at + 1] > FARTHER * increment(x)] if len(at) else at
+            far[at + 1] += 1
+            farther[at + 1] |= step[at + 1] > FARTHER * around[at]
+        jumps = np.flatnonzero(farther & (far >= min(joints, 2)))
+        # more are no losses: rows repeat, or several sources are mixed
+        found += np.split(rows, jumps + 1) if len(jumps) < RARE * len(rows) else [rows]
+    return found
 
 
 def _split_files(samples: Samples, rows: Integers, *, stamped: bool) -> list[Integers]:

@@ -379,7 +379,7 @@ def alternatives(
         each = _searched(stated, read, [start for start in starts if start > least], least)
         if each is not None:
             size, bend, here = each
-            error = float(np.sqrt(2.0 * stated.dispersion / bend)) if bend > 0 else np.nan
+            error = float(np.sqrt(2.0 * stated.dispersion / bend))
             name, axes = (cause, (axis,)) if axis >= 0 else ("gravity", ())
             found.append(Alternative(name, axes, size, error, here, instant))
     return [each for each in found if each.explained.possible]
@@ -434,8 +434,8 @@ def _searched(
 ) -> tuple[float, float, Explained] | None:
     """Search the best size near the best start; return size, curvature and fit.
 
-    None if the best start explains no more than the stated reading. Curvature is the second
-    derivative of the misfit.
+    None if the best start explains no more than the stated reading, or if the search ends where
+    the misfit has no minimum. Curvature is the second derivative of the misfit.
     """
 
     def misfit(size: float, rounds: int = ROUNDS) -> float:
@@ -457,4 +457,4 @@ def _searched(
     )
     here, step = stated.instead(read(size)), 0.01 * reach
     bend = (misfit(size + step) + misfit(size - step) - 2.0 * here.misfit) / step**2
-    return size, bend, here
+    return (size, bend, here) if bend > 0 else None
