@@ -314,9 +314,9 @@ def _readings(robot: Robot, thin: Evidence) -> Iterator[tuple[str, tuple[int, ..
                 f"{CAUSES['joint offset'].words} of some {size:g} degrees",
                 reading,
             )
-    for cause in ("gravity x", "gravity y") if np.any(robot.gravity) else ():
-        for size in STARTS[cause]:
-            reading = sized(robot, cause, -1)(size)
+    for heading, sizes in ((0.0, (-90.0, 90.0, 180.0)), (90.0, (-90.0, 90.0))):
+        for size in sizes if np.any(robot.gravity) else ():
+            reading = sized(robot, "gravity", -1, 0.0, heading)(size)
             towards = ", ".join(f"{each:.3g}" for each in reading.gravity)
             yield "gravity", (), f"gravity points along [{towards}]", reading
 

@@ -15,7 +15,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from functools import cached_property
-from itertools import combinations
+from itertools import combinations, product
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
@@ -41,6 +41,8 @@ ROWS = 250
 """Number of rows of a channel; few suffice, since alternatives differ by more than noise."""
 ROUGHLY = 3
 """Number of rounds of weights and solution for the comparison of start values."""
+HEADINGS = (0.0, 45.0, 90.0, 135.0)
+"""Directions in which gravity is tried to turn, from the first axis across it [degrees]."""
 CONFIGURATIONS = 60
 """Number of configurations at which the mass matrix is evaluated."""
 STARTS = {
@@ -49,8 +51,7 @@ STARTS = {
     "position scale": (-98.25, -50.0, -10.0, 10.0, 100.0),
     "torque constant": (-50.0, -29.3, 30.0, 41.4, 100.0),
     "slip": (-20.0, -5.0, 5.0, 20.0),
-    "gravity x": (-90.0, 90.0, 180.0),
-    "gravity y": (-90.0, 90.0),
+    "gravity": (-90.0, -30.0, 30.0, 90.0, 180.0),
 }
 """Start values of the searches. Torques are sinusoids of angles; degrees in place of radians are
 too large by a factor of 57, peak values in place of rms values by 41 %.
@@ -322,8 +323,18 @@ def _beyond(n: int) -> float:
     return float(special.ndtri(LEVEL / n)) ** 2
 
 
-def sized(robot: Robot, cause: str, axis: int, instant: float = 0.0) -> Callable[[float], Reading]:
-    """Return the readings of a cause as a function of size, in the unit of the table of causes."""
+def sized(
+    robot: Robot, cause: str, axis: int, instant: float = 0.0, heading: float = 0.0
+) -> Callable[[float], Reading]:
+    """Return the readings of a cause as a function of size, in the unit of the table of causes.
+
+    Parameters
+    ----------
+    instant : float
+        Instant of a slip [s].
+    heading : float
+        Direction in which gravity turns, from the first axis across it [degrees].
+    """
     stated = Reading.stated(robot)
     unit = np.pi / 180 if axis < 0 or robot.revolute[axis] else 1e-3
 
@@ -339,8 +350,8 @@ def sized(robot: Robot, cause: str, axis: int, instant: float = 0.0) -> Callable
             return stated.alter(axis, gain=1.0 / share)
         if cause == "gear ratio":
             return stated.alter(axis, scale=1.0 / share, gain=1.0 / share, gear=1.0 / share)
-        down, angle = stated.gravity, np.pi / 180 * size
-        across = across_gravity(robot)[0 if cause.endswith("x") else 1]
+        down, (angle, turn) = stated.gravity, np.pi / 180 * np.array([size, heading])
+        across = np.array([np.cos(turn), np.sin(turn)]) @ across_gravity(robot)
         gravity = np.cos(angle) * down + np.sin(angle) * np.linalg.norm(down) * across
         return replace(stated, gravity=gravity)
 
@@ -369,20 +380,42 @@ def alternatives(
         Alternative(cause, axes, np.nan, np.nan, stated.instead(reading))
         for cause, axes, reading in discrete(robot, stated.evidence)
     ]
-    turned = (("gravity x", -1), ("gravity y", -1)) if np.any(robot.gravity) else ()
-    of_size = (key for key in sizes if key[0] in STARTS)
+    turned = (("gravity", -1),) if np.any(robot.gravity) else ()
+    of_size = (key for key in sizes if key[0] in STARTS and key[1] >= 0)
     for cause, axis in (("slip", slipped), *turned, *of_size):
         instant = _instant(stated, axis) if cause == "slip" else 0.0
-        read = sized(robot, cause, axis, instant)
+        heading = _heading(stated, STARTS["gravity"]) if cause == "gravity" else 0.0
+        read = sized(robot, cause, axis, instant, heading)
         starts = [*STARTS[cause], *([sizes[cause, axis]] if (cause, axis) in sizes else [])]
         least = CAUSES[cause].least if cause in CAUSES else -np.inf
         each = _searched(stated, read, [start for start in starts if start > least], least)
+        if each is not None and cause == "gravity":  # the best direction depends on the size
+            read = sized(robot, cause, axis, 0.0, _heading(stated, [each[0]]))
+            each = _searched(stated, read, [each[0]], least) or each
         if each is not None:
             size, bend, here = each
             error = float(np.sqrt(2.0 * stated.dispersion / bend))
-            name, axes = (cause, (axis,)) if axis >= 0 else ("gravity", ())
-            found.append(Alternative(name, axes, size, error, here, instant))
+            axes = (axis,) if axis >= 0 else ()
+            found.append(Alternative(cause, axes, size, error, here, instant))
     return [each for each in found if each.explained.possible]
+
+
+def _heading(stated: Explained, sizes: Sequence[float]) -> float:
+    """Return the best direction in which gravity turns by one of `sizes` [degrees]."""
+
+    def misfit(heading: float, size: float) -> float:
+        return stated.instead(
+            sized(stated.robot, "gravity", -1, 0.0, heading)(size), ROUGHLY
+        ).misfit
+
+    pairs = product(HEADINGS, sizes)
+    heading, size = min(pairs, key=lambda pair: misfit(*pair))
+    apart = HEADINGS[1]
+    return float(
+        optimize.minimize_scalar(
+            misfit, args=(size,), bounds=(heading - apart, heading + apart), method="bounded"
+        ).x
+    )
 
 
 def _instant(stated: Explained, axis: int) -> float:

@@ -76,5 +76,8 @@ def describe_reading(robot: Robot, each: Alternative) -> str:
     if np.isnan(each.size):
         return cause.words
     unit = cause.unit_of(robot, each.axes[0] if each.axes else -1)
+    if each.cause == "gravity":
+        gravity = ", ".join(f"{x:.3g}" for x in each.explained.reading.gravity.round(2) + 0.0)
+        return f"{cause.sized(abs(each.size), each.error, unit)}, pointing along [{gravity}]"
     after = f" after some {each.instant / 60:.0f} min" if each.cause == "slip" else ""
     return cause.sized(each.size, each.error, unit) + after
