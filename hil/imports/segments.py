@@ -124,13 +124,14 @@ def split_at_jumps(samples: Samples, segments: Sequence[Integers]) -> list[Integ
         far, farther = np.zeros(size, dtype=np.intp), np.zeros(size, dtype=bool)
         for x in q.T:
             step = np.abs(np.diff(x))
-            around = np.maximum(step[:-2], step[2:])
+            # two steps on either side, since rows may repeat
+            around = np.max([step[:-4], step[1:-3], step[3:-1], step[4:]], axis=0)
             joints += bool(step.any())
-            at = np.flatnonzero(step[1:-1] > FAR * around)
+            at = np.flatnonzero(step[2:-2] > FAR * around)
             # increments of an encoder are no jumps
-            at = at[step[at + 1] > FARTHER * increment(x)] if len(at) else at
-            far[at + 1] += 1
-            farther[at + 1] |= step[at + 1] > FARTHER * around[at]
+            at = at[step[at + 2] > FARTHER * increment(x)] if len(at) else at
+            far[at + 2] += 1
+            farther[at + 2] |= step[at + 2] > FARTHER * around[at]
         jumps = np.flatnonzero(farther & (far >= min(joints, 2)))
         # more are no losses: rows repeat, or several sources are mixed
         found += np.split(rows, jumps + 1) if len(jumps) < RARE * len(rows) else [rows]
