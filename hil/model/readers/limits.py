@@ -53,7 +53,7 @@ class LimitedJoint:
 _Joint = TypeVar("_Joint", bound=LimitedJoint)
 
 
-def without_placeholders(joints: Sequence[_Joint]) -> tuple[tuple[_Joint, ...], tuple[str, ...]]:
+def drop_placeholders(joints: Sequence[_Joint]) -> tuple[tuple[_Joint, ...], tuple[str, ...]]:
     """Replace placeholders by NaN.
 
     Returns

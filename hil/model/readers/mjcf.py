@@ -22,7 +22,7 @@ import numpy as np
 
 from checked_files.yaml_file import FileError
 from hil.model.frames import inverse
-from hil.model.readers.limits import without_placeholders
+from hil.model.readers.limits import drop_placeholders
 from hil.model.readers.mjcf_text import MjcfText
 from hil.model.readers.urdf import PARALLELOGRAM, ROUNDED, UrdfChain, UrdfJoint
 from hil.model.robot_file import MOST_JOINTS
@@ -153,7 +153,7 @@ class _Reader:
         springs = [
             k for k, dof in enumerate(dofs, start=1) if stiff[int(self.model.dof_jntid[dof])].any()
         ]
-        limited, unknown = without_placeholders(joints)
+        limited, unknown = drop_placeholders(joints)
         return MjcfChain(
             robot=_model_name(self.text), base=base or "world", tip=self.name(above[-1]),
             joints=limited, after=np.eye(4), rounded=0.0, mount=np.eye(3), tilting="",

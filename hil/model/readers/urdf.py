@@ -25,7 +25,7 @@ import numpy as np
 from checked_files.xml_file import XmlFile
 from checked_files.yaml_file import FileError
 from hil.model.frames import cos_sin, cross_matrix, snap_angle
-from hil.model.readers.limits import LimitedJoint, without_placeholders
+from hil.model.readers.limits import LimitedJoint, drop_placeholders
 from hil.model.robot_file import EARTH, MOST_JOINTS
 
 if TYPE_CHECKING:
@@ -229,7 +229,7 @@ class UrdfReader:
                 " --from and --to, or base and tip of hil.Robot.load"
             )
         mount, tilting = self._mount(edges[0].parent)
-        limited, notes = without_placeholders(joints)
+        limited, notes = drop_placeholders(joints)
         return UrdfChain(
             robot=self.file.root.get("name") or self._path.stem,
             base=edges[0].parent,
