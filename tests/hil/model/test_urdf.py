@@ -257,6 +257,8 @@ def insert_xacro(element: str) -> str:
     [
         ("", None, "1: invalid XML"),
         ("<robot><link", None, "1: invalid XML"),
+        ("xacro: in-order processing\n<?xml version='1.0'?>\n<robot/>", None,
+         "1: invalid XML: starts with 'xacro: in-order processing'; remove what stands before <"),
         ("<sdf/>", None, "1: <sdf> must be <robot>"),
         ('<robot><link name="a"/></robot>', None, "no chain of joints that move: it has 0 joints"),
         (add_fingers(), None, "2 chains have 3 moving joints, to left, right; choose"),
@@ -408,3 +410,14 @@ def test_placeholders_of_limits_are_unknown_and_named_in_one_line(
 def test_efforts_of_motors_are_no_placeholders(tmp_path: Path) -> None:
     text = urdf("pan tilt", ROBOTS["pan-tilt"]).replace('effort="51"', 'effort="100"')
     assert chain_of(tmp_path, text).joints[0].effort == 100.0
+
+
+@pytest.mark.parametrize("before", ["\n", "\ufeff \n", "  ", "<!-- exported\nby hand -->"])
+def test_blanks_and_comments_before_the_declaration_of_xml_do_no_harm(
+    tmp_path: Path, before: str
+) -> None:
+    text = urdf("x", ROBOTS["pan-tilt"])
+    line = int(chain_of(tmp_path, text).joints[0].place.split(":")[1])
+    declared = f'{before}<?xml version="1.0" encoding="utf-8"?>\n{text}'
+    joint = chain_of(tmp_path, declared).joints[0]
+    assert f":{line + 1 + before.count(chr(10))}:" in joint.place
