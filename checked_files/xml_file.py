@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import math
+import re
 from typing import TYPE_CHECKING
 from xml.etree.ElementTree import Element, TreeBuilder
 from xml.parsers import expat
 
 from checked_files.budget import refuse_beyond
-from checked_files.foreign_text import whole_line
+from checked_files.foreign_text import one_line, whole_line
 from checked_files.yaml_file import FileError, read_text
 
 if TYPE_CHECKING:
@@ -18,8 +19,15 @@ if TYPE_CHECKING:
 
 ELEMENT, ATTRIBUTE = 460, 300
 """Maximum memory of an element, including its copy in an MJCF, and of an attribute [bytes]."""
+_DECLARATION = re.compile(r"(?<=\s)<\?xml\s[^>]*\?>|(?<=-->)<\?xml\s[^>]*\?>")
+"""XML declaration after blanks or a comment, as left by editors; it states nothing for a text."""
 DEEPEST = 200
 """Deepest nesting of elements: an MJCF of 30 joints has some three elements a joint."""
+
+
+def _blanks(found: re.Match[str]) -> str:
+    """Return as many blanks, so that lines and offsets stay."""
+    return re.sub(r"\S", " ", found[0])
 
 
 class XmlFile:
@@ -42,7 +50,13 @@ class XmlFile:
         text = read_text(path)
         elements = text.count("<") - text.count("</")
         refuse_beyond(path, ELEMENT * elements + ATTRIBUTE * text.count("="), "its elements")
-        self.root = self._tree(text)
+        ahead = text.partition("<")[0].strip()
+        if ahead and "<" in text:
+            raise FileError(
+                f"{path}:1: invalid XML: starts with {one_line(ahead, 60)!r}; remove what stands "
+                "before <?xml, or before the first element"
+            )
+        self.root = self._tree(_DECLARATION.sub(_blanks, text, count=1))
 
     def wrong(self, element: Element, what: str) -> FileError:
         """Return an error about an element, with file and line."""

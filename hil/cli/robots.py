@@ -97,7 +97,8 @@ def _draft_from_urdf(
 
     chain = read_urdf(urdf, base, tip)
     joints = ", ".join(joint.name for joint in chain.joints)
-    found = f"{len(chain.joints)} joints from {chain.base} to {chain.tip}: {joints}"
+    about = [f"{len(chain.joints)} joints from {chain.base} to {chain.tip}: {joints}"]
+    found = "\n".join([*about, *chain.not_taken])
     return draft_robot(chain, gravity), found, chain.rounded
 
 

@@ -238,12 +238,16 @@ def _joints(columns: Sequence[SeenColumn]) -> list[dict[str, SeenColumn]]:
     if "torque" not in kinds:
         kinds["torque"] = _numbered_alike(kinds.get("", ()), kinds.get("position", ()))
     joints = [{"position": column} for column, *_ in kinds.get("position", ())]
+    of_positions = [numbers for *_, numbers in kinds.get("position", ())]
     for kind in ("velocity", "torque"):
+        # numbers count in order, and not as in names of joints, if one of them has no position
+        bare = (numbers for _, own, numbers in kinds.get(kind, ()) if own == set(numbers))
+        apart = any(numbers not in of_positions for numbers in bare)
         pairs = [
             (len(words & own) - 0.1 * len(own ^ words), -column.number, -joint, column)
             for column, own, numbers in kinds.get(kind, ())
             for joint, (_, words, others) in enumerate(kinds.get("position", ()))
-            if numbers == others
+            if numbers == others and (not apart or own != set(numbers) or words == set(others))
         ]
         taken: set[int] = set()
         for _, _, joint, column in sorted(pairs, reverse=True, key=lambda pair: pair[:3]):
@@ -293,14 +297,17 @@ def _not_placed(
     found: dict[str, list[str]] = {}
     for column in columns:
         if column.number not in placed:
-            found.setdefault(meaning_of(column.name, rises=column.rises)[0], []).append(
-                column.name or str(column.number)
-            )
-    if_one = "if measured, name it above as column"
-    named = any(column.name for column in columns)
-    unknown = "meaning of the name unknown" if named else "no names in the file"
+            kind = meaning_of(column.name, rises=column.rises)[0]
+            found.setdefault(kind, []).append(column.name or str(column.number))
+    if not any(column.name for column in columns) and found:
+        (numbers,) = found.values()
+        successive = int(numbers[-1]) - int(numbers[0]) == len(numbers) - 1 > 1
+        listed = f"{numbers[0]} to {numbers[-1]}" if successive else ", ".join(numbers)
+        what = "the file has no names of columns; write the numbers of positions and torques above"
+        return {f"column{'s' * (len(numbers) > 1)} {listed}": what}
+    if_one = "if measured, write it above as column"
     reasons = {
-        "": f"{unknown}; {if_one} of a joint's position, velocity or torque",
+        "": f"meaning of the name unknown; {if_one} of a joint's position, velocity or torque",
         OTHER: f"set point or time, by the name; {if_one}",
         "position": "position by the name, without a torque of equal number or a joint of the "
         f"robot; {if_one}",

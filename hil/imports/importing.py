@@ -18,6 +18,7 @@ from hil.imports.map_file import load_map
 from hil.imports.one_map import OneMap, import_one
 from hil.imports.readers import KNOWN
 from hil.model.drive_train_file import UNKNOWN
+from hil.model.readers.robot_draft import NOT_TAKEN
 from hil.model.robot import Robot, available_robots, parse_robot, robot_from_urdf
 from hil.planning.plan import PlannedRobot, RecordedMotions
 from hil.runs.atomic_file import own_folder, whole_folder, write_file
@@ -260,6 +261,6 @@ def _add_statements(the_map: MapFile, robot: Robot) -> Robot:
     if not changed:
         return robot
     text = yaml.safe_dump(content, sort_keys=False, width=200)
-    return parse_robot(
-        f"{comment(f'{robot.source}, with statements of the map on drives')}\n{text}", robot.source
-    )
+    about = [f"{NOT_TAKEN}{each}" for each in robot.not_taken]
+    about.append(f"{robot.source}, with statements of the map on drives")
+    return parse_robot("\n".join([*map(comment, about), text]), robot.source)

@@ -4,6 +4,9 @@ Each source is smooth, and the mixture is not. For alternating rows the second d
 second row are small, and those of all rows are twice the distance of the sources. A row of a rarer
 source is far from both neighbouring rows, which are close to one another. Unlike spikes, the rows
 of the rarer source are also close to one another.
+
+The encoder of a joint at rest toggles: by the bound of `hil.imports.spikes`, neighbouring samples
+of one source differ by up to two increments. Sources differ by more.
 """
 
 from __future__ import annotations
@@ -16,6 +19,7 @@ from hil.imports.evidence import Suspicion
 from hil.imports.held import rows_held
 from hil.imports.instants import roughness
 from hil.imports.tables import ROWS
+from hil.least_squares.standstill import increment
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
@@ -84,8 +88,9 @@ def _visits(q: Array) -> _Mixed | None:
     if np.count_nonzero((steps > FAR * ranges).any(axis=1)) < OFTEN * len(q):
         return None
     away, gap = np.minimum(steps[:-1], steps[1:]), np.abs(q[2:] - q[:-2])
-    far = (away > FAR * ranges) & (gap < RETURNED * away) & (ranges > 0)
-    visiting = far.mean(axis=1) >= min(0.5, 0.5 * np.mean(ranges > 0))
+    toggles = _toggles(q)
+    far = (away > np.maximum(FAR * ranges, toggles)) & (gap < RETURNED * away)
+    visiting = far.mean(axis=1) >= min(0.5, 0.5 * np.mean(ranges > toggles))
     visiting &= far.any(axis=1)
     rows = 1 + np.flatnonzero(visiting)
     if len(rows) < max(OFTEN * len(q), 3):
@@ -94,6 +99,11 @@ def _visits(q: Array) -> _Mixed | None:
     if _smooth(q[rows], distance):
         return _Mixed(len(rows), int(rows[0]), distance)
     return None
+
+
+def _toggles(q: Array) -> Array:
+    """Return the greatest difference of neighbouring samples by rounding, shape (n_joints,)."""
+    return (2.0 + 1e-6) * np.array([increment(x) for x in q.T])
 
 
 def _smooth(q: Array, distance: Array) -> bool:

@@ -107,7 +107,7 @@ def import_one(
         recorded,
         tuple(motions),
         found,
-        (*samples.notes, *_lacking(the_map, samples)),
+        (*robot.not_taken, *samples.notes, *_lacking(the_map, samples)),
         explained,
     )
 

@@ -23,6 +23,7 @@ if TYPE_CHECKING:
 
     from hil.arrays import Array, Integers, Mask
     from hil.imports.map_file import ColumnName, MapFile
+    from hil.imports.readers import SoundTable
     from hil.imports.tables import Table
     from hil.model.robot import Robot
 
@@ -52,6 +53,8 @@ class Samples:
         Rows without missing recorded values.
     begins : tuple of int
         First row of each file.
+    restarts : tuple of int
+        Rows that repeat the header of their file.
     from_date : bool
         True if stamps count from a date.
     wraps : int
@@ -70,6 +73,7 @@ class Samples:
     wraps: int = 0
     numbers: tuple[int, ...] = ()
     notes: tuple[str, ...] = ()
+    restarts: tuple[int, ...] = ()
 
     @property
     def n_joints(self) -> int:
@@ -109,6 +113,7 @@ def read_samples(
     conversion = Conversion(the_map, robot)
     times, complete, begins, n, wraps = [], [], [], 0, 0
     numbers: list[Integers] = []
+    restarts: list[int] = []
     notes: dict[str, None] = {}
     unsigned = np.ones(conversion.n_recorded, dtype=bool)
     # greatest step, greatest and least position of each joint
@@ -118,7 +123,8 @@ def read_samples(
             begins.append(n)
             last = np.empty((0, robot.n_joints))
             path = the_map.resolve(name, ("files", number))
-            for block in _file_blocks(the_map, number, name, notes):
+            headers: list[int] = []
+            for block in _file_blocks(the_map, number, name, notes, headers):
                 finite = np.isfinite(block)
                 numbers.append(
                     np.full(block.shape[1], len(block)) if finite.all() else finite.sum(axis=0)
@@ -142,6 +148,16 @@ def read_samples(
                 progress(path, n - begins[-1])
             if n == begins[-1]:
                 raise FileError(f"{path}: has no rows; name a file with rows")
+            if headers:
+                restarts += [begins[-1] + row for row in headers]
+                rows = (
+                    f"row{'s' * (len(headers) > 1)} {', '.join(str(r + 1) for r in headers[:12])}"
+                )
+                more = f" and {len(headers) - 12} more" if len(headers) > 12 else ""
+                notes[
+                    f"{name}: the header is repeated in {rows}{more}: the recorder started anew; "
+                    "parts with stamps of their own are separate recordings"
+                ] = None
     time = np.concatenate(times)
     values = np.memmap(scratch, np.float64, "r+", shape=(n, 3 * robot.n_joints))
     jumping = reach[0] > (reach[1] - reach[2]) / 2
@@ -166,14 +182,17 @@ def read_samples(
     # few common rows, and apart: by chance
     if common < min(present) / 10 and np.count_nonzero(whole[1:] & whole[:-1]) <= common / 10:
         _refuse_apart(the_map)
-    return Samples(time, values, whole, tuple(begins), from_date, wraps, present, tuple(notes))
+    return Samples(
+        time, values, whole, tuple(begins), from_date, wraps, present, tuple(notes),
+        tuple(restarts),
+    )  # fmt: skip
 
 
 def _refuse_apart(the_map: MapFile) -> None:
     """Refuse a table whose columns have numbers in different rows; name columns and rows."""
     file, time = the_map.content.files[0], the_map.content.time
     wanted = [(at, each.column) for at, each in columns_of(the_map) if each and at[0] == "joints"]
-    blocks = _file_blocks(the_map, 0, file, {})
+    blocks = _file_blocks(the_map, 0, file, {}, [])
     shown = np.concatenate([np.isfinite(block[:, -len(wanted) :]) for block in blocks])
     counts, joint = shown.sum(axis=0), shown.T.astype(float) @ shown
     groups: dict[int, list[str]] = {}  # names of columns, by the first column
@@ -272,10 +291,13 @@ def _restore_turns(values: Array, conversion: Conversion, jumping: Mask) -> Iter
 
 
 def _file_blocks(
-    the_map: MapFile, number: int, name: str, notes: dict[str, None]
+    the_map: MapFile, number: int, name: str, notes: dict[str, None], headers: list[int]
 ) -> Iterator[Array]:
-    """Yield blocks of the map's columns, from a file and companion files; adds notes."""
-    tables: dict[str, tuple[Table, list[int], list[int]]] = {}
+    """Yield blocks of the map's columns, from a file and companion files.
+
+    Adds notes, and the rows of repeated headers, from 0.
+    """
+    tables: dict[str, tuple[SoundTable, list[int], list[int]]] = {}
     wanted = list(columns_of(the_map))
     for position, (location, column) in enumerate(wanted):
         source = column.file if column is not None and column.file else name
@@ -291,10 +313,11 @@ def _file_blocks(
     every = [p for _, _, positions in tables.values() for p in positions]
     if len(streams) == 1:
         yield from streams[0]
-        return
-    order = np.argsort(every, kind="stable")
-    for parts in _side_by_side(streams, [table.path for table, _, _ in tables.values()]):
-        yield np.concatenate(parts, axis=1)[:, order]
+    else:
+        order = np.argsort(every, kind="stable")
+        for parts in _side_by_side(streams, [table.path for table, _, _ in tables.values()]):
+            yield np.concatenate(parts, axis=1)[:, order]
+    headers += sorted({row for table, _, _ in tables.values() for row in table.headers})
 
 
 def columns_of(the_map: MapFile) -> Iterator[tuple[Location, ColumnName | None]]:
@@ -324,7 +347,7 @@ def _refuse_used(the_map: MapFile, location: Location, used: set[int], table: Ta
 
 def _opened(
     the_map: MapFile, source: str, number: int, column: ColumnName | None, location: Location
-) -> Table:
+) -> SoundTable:
     beside = column is not None and column.file is not None
     if beside and len(the_map.content.files) > 1:
         raise the_map.wrong(

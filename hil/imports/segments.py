@@ -139,14 +139,15 @@ def split_at_jumps(samples: Samples, segments: Sequence[Integers]) -> list[Integ
 
 
 def _split_files(samples: Samples, rows: Integers, *, stamped: bool) -> list[Integers]:
-    """Split rows at files with restarted stamps."""
+    """Split rows at files and repeated headers with restarted stamps."""
     cuts = []
-    for begin in samples.begins[1:]:
+    for begin in (*samples.begins[1:], *(row + 1 for row in samples.restarts)):
         at = int(np.searchsorted(rows, begin))
         if 0 < at < len(rows):
-            goes_on = stamped and samples.time[rows[at]] > samples.time[rows[at - 1]]
+            before = samples.time[rows[:at]]
+            goes_on = stamped and samples.time[rows[at]] > before[np.isfinite(before)][-1:]
             cuts += [] if goes_on else [at]
-    return np.split(rows, cuts)
+    return np.split(rows, sorted(cuts))
 
 
 def pieces_of(stretch: Stretch) -> list[Piece]:

@@ -24,7 +24,7 @@ from checked_files.xml_file import XmlFile
 from checked_files.yaml_file import FileError, parse_yaml, place, problems, read_text, refuse
 from hil.errors import InvalidValue, UnknownName
 from hil.model.drive_train_file import UNKNOWN
-from hil.model.readers.robot_draft import mjcf_as_stated, robot_as_stated
+from hil.model.readers.robot_draft import NOT_TAKEN, mjcf_as_stated, robot_as_stated
 from hil.model.readers.urdf import read_urdf
 from hil.model.robot_arrays import RobotArrays
 from hil.model.robot_file import EARTH, LINK_PARAMETERS, RobotFile, split_tie
@@ -61,6 +61,12 @@ class Robot(RobotArrays):
 
     source: str
     text: str
+
+    @property
+    def not_taken(self) -> tuple[str, ...]:
+        """Contents of a URDF or an MJCF that the robot file omits."""
+        lines = (line.partition(f"# {NOT_TAKEN}") for line in self.text.splitlines())
+        return tuple(note for before, mark, note in lines if mark and not before)
 
     @classmethod
     def load(

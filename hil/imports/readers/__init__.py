@@ -54,7 +54,7 @@ _SAVE_AS = {
 """Unsupported formats, and how to save their data in a supported format."""
 
 
-def open_table(path: Path, layout: Format) -> Table:
+def open_table(path: Path, layout: Format) -> SoundTable:
     """Open a file of a recording.
 
     Raises
@@ -140,6 +140,11 @@ class SoundTable:
             whole_line(name): whole_line(what) for name, what in table.left_out.items()
         }
         self.notes = tuple(map(whole_line, table.notes))
+
+    @property
+    def headers(self) -> tuple[int, ...]:
+        """Rows, from 0, of repeated headers, once all blocks are read."""
+        return tuple(getattr(self._table, "headers", ()))
 
     def blocks(self, columns: Sequence[int]) -> Iterator[Array]:
         """Read columns block by block."""

@@ -4,7 +4,8 @@ A message names its joints, in any order and not always all of them; so columns 
 ``position/elbow``, ``velocity/elbow``, ``effort/elbow``. The columns ``sec`` and ``nanosec`` are
 the stamp of the message's header, ``time`` is this stamp, ``received`` that of the bag, both in ns.
 
-Messages that name no joints have their numbers instead: ``position/1``. An MCAP file without its
+Messages that name no joints have their numbers instead: ``position/1``; so does a part with another
+number of values than of names, as efforts without those of a gripper. An MCAP file without its
 end is read as far as it goes (`cut_mcap`).
 
 Messages of one layout are read at once (`joint_state_layout`), others one by one by rosbags.
@@ -43,6 +44,10 @@ LAYOUTS = 32
 """Maximum number of layouts per recording for fast reading; other messages are read one by one."""
 LARGEST = 1 << 26
 """Bytes of messages read at once, equal to a block of text."""
+LOOKED_AT = 201
+"""Number of messages in which columns are found."""
+SHOWN = 12
+"""Maximum number of names in a note."""
 _TIMES = ("time", "received", "sec", "nanosec")
 
 
@@ -54,11 +59,12 @@ class JointStates:
     def __init__(self, path: Path, layout: Format) -> None:
         self.path = path
         self._bag = Bag(path)
+        self._unequal: dict[str, None] = {}
         self._topic = _topic_of(path, self._bag, layout.topic)
         self.names = (*_TIMES, *self._joints())
         present = {name.partition("/")[0] for name in self.names}
         self.left_out: Mapping[str, str] = {
-            part: f"without values in some messages on {self._topic}"
+            part: f"without values in the messages on {self._topic}"
             for part in PARTS
             if part not in present
         }
@@ -78,16 +84,22 @@ class JointStates:
                     yield found
 
     def _joints(self) -> list[str]:
-        """Return the columns of the joints in the first 201 messages."""
+        """Return the columns of the joints in the first messages."""
         names: dict[str, None] = {}
         with self._bag.opened() as bag:
-            for _, data in islice(bag.messages(self._topic, TYPE), 201):
+            for _, data in islice(bag.messages(self._topic, TYPE), LOOKED_AT):
                 message = bag.deserialize(data, TYPE)
                 for part in PARTS:
-                    joints = message.name or _numbers(len(getattr(message, part)))
-                    if len(getattr(message, part)) == len(joints):
-                        names |= {f"{part}/{joint}": None for joint in joints}
-                        refuse_beyond(self.path, NAME * len(names), f"{len(names)} columns")
+                    n = len(getattr(message, part))
+                    joints = _joints_of(tuple(message.name), n)
+                    names |= {f"{part}/{joint}": None for joint in joints}
+                    refuse_beyond(self.path, NAME * len(names), f"{len(names)} columns")
+                    if n and n != len(message.name) and message.name:
+                        self._unequal[
+                            f"{n} values of {part} for {len(message.name)} names: columns {part}/1 "
+                            f"to {part}/{n}, in order; the names are "
+                            f"{', '.join(message.name[:SHOWN])}"
+                        ] = None
         return sorted(names, key=lambda name: PARTS.index(name.partition("/")[0]))
 
     def _notes(self) -> Iterator[str]:
@@ -96,6 +108,7 @@ class JointStates:
             yield (
                 f"its messages have no joint names: columns are {columns[0]} and so on, in order"
             )
+        yield from (f"its messages have {each}" for each in self._unequal)
         if self._bag.lacks_end:
             yield "it is truncated (recorder killed?): all complete messages are read"
 
@@ -103,6 +116,13 @@ class JointStates:
 def _numbers(n: int) -> tuple[str, ...]:
     """Return names for unnamed joints."""
     return tuple(str(number + 1) for number in range(n))
+
+
+def _joints_of(names: tuple[str, ...], n: int) -> tuple[str, ...]:
+    """Return the joints of `n` values: the names, or numbers where names do not correspond."""
+    if len(names) == n:
+        return names
+    return () if any(map(str.isdigit, names)) else _numbers(n)
 
 
 def _some(messages: Iterator[tuple[int, bytes]]) -> Iterator[tuple[int, bytes]]:
@@ -165,7 +185,7 @@ class Rows:
         self._wanted = wanted
         self._times = {part: column for column, (part, joint) in enumerate(wanted) if not joint}
         self._general, self._cdr = general, cdr
-        self._places: dict[tuple[str, ...], Places] = {}
+        self._places: dict[tuple[tuple[str, ...], tuple[int, ...]], Places] = {}
         self._layouts: list[MessageLayout] = []
 
     def convert(self, messages: Sequence[bytes], received: Array) -> Array:
@@ -225,15 +245,13 @@ class Rows:
         values: Mapping[str, Array] | NDArray[np.void],
     ) -> bool:
         """Fill the rows of messages with equal names; return True if any joint is wanted."""
-        if not names:
-            names = _numbers(max(values[part].shape[1] for part in PARTS))
-        if (places := self._places.get(names)) is None:
-            places = self._find(names)
+        key = names, tuple(values[part].shape[1] for part in PARTS)
+        if (places := self._places.get(key)) is None:
+            places = self._find(*key)
             if len(self._places) < LAYOUTS:
-                self._places[names] = places
+                self._places[key] = places
         for part, (columns, joints) in places.items():
-            if values[part].shape[1] == len(names):
-                rows[these[:, np.newaxis], columns] = values[part][:, joints]
+            rows[these[:, np.newaxis], columns] = values[part][:, joints]
         self._put(rows, these, "sec", values["sec"])
         self._put(rows, these, "nanosec", values["nanosec"])
         self._put(rows, these, "time", values["sec"] * 1e9 + values["nanosec"])
@@ -243,12 +261,13 @@ class Rows:
         if name in self._times:
             rows[these, self._times[name]] = times
 
-    def _find(self, names: tuple[str, ...]) -> Places:
+    def _find(self, names: tuple[str, ...], sizes: tuple[int, ...]) -> Places:
         """Return the columns filled by a message with the given joints, and the places, by part."""
         found: dict[str, list[tuple[int, int]]] = {}
+        joints = {part: _joints_of(names, n) for part, n in zip(PARTS, sizes, strict=True)}
         for column, (part, joint) in enumerate(self._wanted):
-            if joint and joint in names:
-                found.setdefault(part, []).append((column, names.index(joint)))
+            if joint and joint in joints[part]:
+                found.setdefault(part, []).append((column, joints[part].index(joint)))
         return {
             part: (np.array([c for c, _ in pairs]), np.array([j for _, j in pairs]))
             for part, pairs in found.items()

@@ -18,6 +18,21 @@ if TYPE_CHECKING:
     from hil.imports.map_file import Format
 
 _NUMBER = re.compile(r"[+-]?(\d+([.,]\d*)?|[.,]\d+)([eE][+-]?\d+)?")
+_QUOTED = re.compile(rb'"[^"\n]*"')
+_GROUPED = {
+    mark: re.compile(
+        rb"(?<![\d.,])\d{1,3}(?:%b\d{3})+(?![\d%b])"
+        % (re.escape(mark.encode()), re.escape(mark.encode()))
+    )
+    for mark in ",."
+}
+"""Digits in groups of three, by their separator."""
+_THOUSANDS = {
+    ",": re.compile(r"[+-]?\d{1,3}(,\d{3})+\.\d*"),
+    ".": re.compile(r"[+-]?\d{1,3}(\.\d{3})+,\d*"),
+}
+"""Numbers with separators of thousands and of decimals, which cannot be read in another way."""
+_GROUPED_CELL = re.compile(r"[+-]?\d[\d.,]*")
 DATE = re.compile(r"(\d{4}-\d\d-\d\d[T ]|(\d\d?)\.(\d\d?)\.(\d{4})[T ])?\d\d:\d\d:")
 """Pattern of the start of an instant: a date (year or day first) or none, and the time of day."""
 MISSING = {"", "nan", "na", "null", "none", "inf", "-inf", "-nan"}
@@ -65,6 +80,10 @@ class Layout:
         Column of the time stamps for all columns of a scope; else empty.
     lists : bool
         True for cells that hold lists of numbers (`hil.imports.readers.lists`).
+    thousands : str
+        Separator of thousands, or none; one that is the delimiter too stands in quotation marks.
+    header : frozenset of str
+        Cells of the lines above the first row, by which a repeated header is found.
     """
 
     delimiter: str
@@ -75,6 +94,17 @@ class Layout:
     width: int
     clocks: tuple[int, ...] = ()
     lists: bool = False
+    thousands: str = ""
+    header: frozenset[str] = frozenset()
+
+    def join_thousands(self, text: bytes) -> bytes:
+        """Return a text without separators of thousands."""
+        mark = self.thousands.encode()
+        if not mark or mark not in text:
+            return text
+        if self.thousands == self.delimiter:
+            return _QUOTED.sub(lambda found: found[0].replace(mark, b""), text)
+        return _GROUPED[self.thousands].sub(lambda found: found[0].replace(mark, b""), text)
 
 
 def decoded(head: bytes) -> str:
@@ -107,8 +137,13 @@ def layout_of(text: str, stated: Format) -> Layout:
         raise NoNumbers("has no rows")
     last = [line for _, line in used[-_LOOKED_AT:]]  # without lines of settings
     delimiter = stated.delimiter or _delimiter(last)
-    decimal = stated.decimal or _decimal(last, delimiter)
     rows = [(number, cells(line, delimiter)) for number, line in used]
+    thousands = _thousands([row for _, row in rows[-_LOOKED_AT:]], stated)
+    if thousands:
+        rows = [
+            (n, [c.replace(thousands, "") if _digits(c) else c for c in row]) for n, row in rows
+        ]
+    decimal = {"": stated.decimal, ",": ".", ".": ","}[thousands] or _decimal(last, delimiter)
     scope = _find_scope_row([row for _, row in rows])
     first = _first_row(rows, delimiter, decimal, stated, whole=bool(scope))
     skipped, width = rows[first][0], len(rows[first][1])
@@ -121,7 +156,16 @@ def layout_of(text: str, stated: Format) -> Layout:
     if len(names) != width and not (first and stated.header):
         names = () if not first else (*names, *[""] * width)[:width]
     _refuse_long([row for _, row in rows[first:]], names or ("",) * width, delimiter, decimal)
-    return Layout(delimiter, decimal, stated.comment, names or ("",) * width, skipped, width)
+    return Layout(
+        delimiter,
+        decimal,
+        stated.comment,
+        names or ("",) * width,
+        skipped,
+        width,
+        thousands=thousands,
+        header=frozenset(cell for row in above for cell in row if cell),
+    )
 
 
 def _refuse_long(
@@ -213,6 +257,19 @@ def _delimiter(lines: Sequence[str]) -> str:
         if agreeing > 0.6 * len(lines):
             return candidate
     return " "
+
+
+def _thousands(rows: Sequence[Sequence[str]], stated: Format) -> str:
+    """Return the separator of thousands, where numbers with both separators show which is which."""
+    found = {
+        mark for mark, shape in _THOUSANDS.items() for row in rows if any(map(shape.fullmatch, row))
+    }
+    found -= {stated.decimal}
+    return found.pop() if len(found) == 1 else ""
+
+
+def _digits(cell: str) -> bool:
+    return bool(_GROUPED_CELL.fullmatch(cell))
 
 
 def _decimal(lines: Sequence[str], delimiter: str) -> str:

@@ -10,6 +10,7 @@ from __future__ import annotations
 import codecs
 import gzip
 import io
+import math
 import re
 import warnings
 import zlib
@@ -57,12 +58,20 @@ PIECE, AS_TEXT = 1 << 20, 1 << 26
 text, in which the longest cell determines the size of all cells [bytes].
 """
 _HEAD = 1 << 16
+MOST_SIGNALS = 200
+"""Maximum number of signals of a recording in lines: some six for each of the joints of a chain."""
 _CAN_FRAMES = re.compile(r"\(\d+\.\d+\) +\w+ +[0-9A-F]+#")
 """Pattern of the first frame in a log of candump."""
 
 
 class TextTable:
-    """Text table (see `hil.imports.tables.Table`)."""
+    """Text table (see `hil.imports.tables.Table`).
+
+    Attributes
+    ----------
+    headers : list of int
+        Rows, from 0, that repeat the header, found while blocks are read; their values are missing.
+    """
 
     time: tuple[int, ...] = ()
     notes: tuple[str, ...] = ()
@@ -72,19 +81,22 @@ class TextTable:
         self.path = path
         self.names = layout.names
         self._layout = layout
+        self.headers: list[int] = []
 
     def blocks(self, columns: Sequence[int]) -> Iterator[Array]:
         """Read columns block by block."""
         row, line, long = 0, 1 + self._layout.skipped, False
+        self.headers = []
         texts = _whole_lines(self.path, self._layout.skipped)
         if self._layout.lists:
             texts = flat(texts, self._layout.delimiter.encode(), self.path, BLOCK)
         for text in texts:
             long |= len(text) >= BLOCK  # reading a block takes as long as importing Arrow
-            block = self._read_plain(text, columns) if long else None
+            plain = self._layout.join_thousands(text)
+            block = self._read_plain(plain, columns) if long else None
             if block is None:
-                block = self._read(text, columns, row, line)
-            row, line = row + len(block), line + _count(text, b"\n")
+                block = self._read(plain, columns, row, line)
+            row, line = row + len(block), line + _count(plain, b"\n")
             if len(block):
                 yield block
 
@@ -173,8 +185,15 @@ class TextTable:
         for number, content in self._rows(text):
             found = cells(content, self._layout.delimiter)
             at, this = f"{self.path}:{line + number}", row + len(rows) + 1
+            if self._is_header(found):
+                self.headers.append(this - 1)
+                found = []
             rows.append([self._number(found, column, at, this) for column in columns])
         return np.array(rows).reshape(-1, len(columns))
+
+    def _is_header(self, found: Sequence[str]) -> bool:
+        words = set(filter(None, found))
+        return bool(words) and words <= self._layout.header and not any(map(_is_number, words))
 
     def _rows(self, text: bytes) -> Iterator[tuple[int, str]]:
         """Yield the rows among the lines, with line numbers from 0."""
@@ -193,10 +212,19 @@ class TextTable:
             with suppress(ValueError):
                 return float(_nanoseconds([cell])[0])
         name = f" ({self.names[column]})" if self.names[column] else ""
+        remedy = "choose another column, remove the row, or state the file's layout in format"
+        if _is_number(cell.replace(",", "")):
+            remedy = "a decimal comma or a separator of thousands? export numbers without it"
         raise FileError(
             f"{at}: '{one_line(cell, 40)}' in column {column + 1}{name}, row {row}, is not a "
-            "number; choose another column or rows, or state the file's layout in format"
+            f"number; {remedy}"
         )
+
+
+def _is_number(cell: str) -> bool:
+    with suppress(ValueError):
+        return math.isfinite(float(cell))
+    return False
 
 
 def _numbers(cells: NDArray[np.str_]) -> Array:
@@ -242,13 +270,16 @@ def open_text(path: Path, stated: Format) -> Table:
     if b"\r" in head and b"\n" not in head:
         raise FileError(f"{path}: has lines that end in only CR; convert them to LF or CR LF")
     if len(head) == _HEAD:
-        head = head.rpartition(b"\n")[0]
+        head = head.rpartition(b"\n")[0] or head
     text = decoded(head)
     if _CAN_FRAMES.match(text):
         raise FileError(
             f"{path}: is a log of CAN frames without decoded values; record with hil run, or save"
             " positions and currents as columns"
         )
+    if not LIST.search(head):
+        mark = next((d for d in ";\t," if d in text), " ")
+        _refuse_exchanged(path, text, stated.delimiter or mark)
     for belongs, opened in ((is_stacked, open_stacked), (is_diadem, open_diadem)):
         if belongs(text):
             return opened(path, _lines(path))
@@ -263,6 +294,26 @@ def open_text(path: Path, stated: Format) -> Table:
         ) from error
     table = TextTable(path, layout)
     return Channels(table, layout.clocks) if layout.clocks else table
+
+
+def _refuse_exchanged(path: Path, head: str, delimiter: str) -> None:
+    """Refuse a table with a line a signal: few lines, each with far more cells."""
+    first = cells(head.partition("\n")[0], delimiter)
+    if len(first) <= MOST_SIGNALS:
+        return
+    lines = sum(_count(block, b"\n") for block in _whole_lines(path, 0))
+    if lines > min(MOST_SIGNALS, len(first) // 2):
+        return
+    named = not _is_number(first[0])
+    read = "index_col=0" if named else "index_col=False"
+    blanks = delimiter.replace(" ", r"\s+")
+    sep = "" if delimiter == "," else f", sep={blanks!r}"
+    sep += ", decimal=','" if sep and re.search(r"\d,\d", head) else ""
+    raise FileError(
+        f"{path}: has {lines} lines of {len(first)} cells: rows and columns are exchanged; make a "
+        f"column of each signal, as by pandas: pandas.read_csv({path.name!r}, header=None, {read}"
+        f"{sep}).T.to_csv('columns.csv', index=False, header={named})"
+    )
 
 
 def _lines(path: Path) -> Iterator[str]:

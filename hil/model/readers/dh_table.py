@@ -34,7 +34,8 @@ from checked_files.yaml_file import FileError, FileModel, parse_yaml, read_text,
 from hil.model.frames import QUARTER, snap_angle
 from hil.model.polynomial import parse
 from hil.model.readers.axes_to_frames import Frames
-from hil.model.readers.urdf import ROUNDED, LimitedJoint
+from hil.model.readers.limits import LimitedJoint
+from hil.model.readers.urdf import ROUNDED
 from hil.model.robot_file import MOST_JOINTS
 
 if TYPE_CHECKING:

@@ -22,6 +22,7 @@ import numpy as np
 
 from checked_files.yaml_file import FileError
 from hil.model.frames import inverse
+from hil.model.readers.limits import drop_placeholders
 from hil.model.readers.mjcf_text import MjcfText
 from hil.model.readers.urdf import PARALLELOGRAM, ROUNDED, UrdfChain, UrdfJoint
 from hil.model.robot_file import MOST_JOINTS
@@ -57,8 +58,6 @@ class MjcfChain(UrdfChain):
         Gravity in the world frame [m/s^2].
     springs : tuple of int
         Joints, from 1, with a stiffness.
-    not_taken : tuple of str
-        Omitted contents of the file, with line.
     """
 
     text: MjcfText
@@ -67,7 +66,6 @@ class MjcfChain(UrdfChain):
     dofs: tuple[int, ...]
     stated_gravity: tuple[float, ...]
     springs: tuple[int, ...]
-    not_taken: tuple[str, ...]
 
 
 def read_mjcf(path: str | Path, base: str | None = None, tip: str | None = None) -> MjcfChain:
@@ -155,12 +153,13 @@ class _Reader:
         springs = [
             k for k, dof in enumerate(dofs, start=1) if stiff[int(self.model.dof_jntid[dof])].any()
         ]
+        limited, unknown = drop_placeholders(joints)
         return MjcfChain(
             robot=_model_name(self.text), base=base or "world", tip=self.name(above[-1]),
-            joints=tuple(joints), after=np.eye(4), rounded=0.0, mount=np.eye(3), tilting="",
+            joints=limited, after=np.eye(4), rounded=0.0, mount=np.eye(3), tilting="",
             text=self.text, model=self.model, bodies=tuple(bodies), dofs=tuple(dofs),
             stated_gravity=tuple(self.model.opt.gravity.tolist()), springs=tuple(springs),
-            not_taken=tuple(notes),
+            not_taken=(*notes, *unknown),
         )  # fmt: skip
 
     def _counts(self) -> Indices:

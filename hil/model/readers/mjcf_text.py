@@ -130,8 +130,8 @@ class MjcfText:
         """Return the content for MuJoCo's compiler: bodies, joints and sources of inertia.
 
         A few characters may declare huge textures, height fields or tables, or name any file. These
-        do not affect joints and are omitted. Meshes are read here, except those of bodies with an
-        inertial.
+        do not affect joints and are omitted. Meshes are read here, except those of the world and
+        of bodies with an inertial.
 
         Returns
         -------
@@ -145,7 +145,7 @@ class MjcfText:
         FileError
             A required mesh is missing, outside of the folder, or made by MuJoCo.
         """
-        root, geoms = Element("mujoco"), list[Element]()
+        root, geoms = Element("mujoco"), list[tuple[Element, str]]()
         for each in self._parts("option"):
             gravity = {k: v for k, v in each.element.items() if k == "gravity"}
             SubElement(root, "option", gravity)
@@ -160,39 +160,58 @@ class MjcfText:
             if mesh.element.tag == "mesh"
         }
         assets, given = SubElement(root, "asset"), dict[str, bytes]()
-        for name in sorted({geom.get("mesh", "") for geom in geoms} & meshes.keys()):
+        needed = {geom.get("mesh", ""): body for geom, body in geoms}
+        if not any(needed.values()):  # no geom is left that takes a mesh of its class
+            for geom, _ in geoms:
+                geom.attrib.pop("mesh", None)
+            needed = {}
+        for name in sorted(needed.keys() & meshes.keys()):
             element = SubElement(assets, "mesh", {**meshes[name].element.attrib, "name": name})
             if "builtin" in element.attrib:
                 what = f"mesh {name!r} is made by MuJoCo; state the inertials of its bodies"
                 raise meshes[name].wrong(what)
             if file := element.get("file"):
                 element.set("file", f"{len(given)}{Path(file).suffix}")
-                given[element.get("file", "")] = self._mesh(meshes[name], file)
+                given[element.get("file", "")] = self._mesh(meshes[name], file, needed[name])
         return tostring(root, encoding="unicode"), given
 
-    def _copy(self, source: Placed, target: Element, geoms: list[Element]) -> None:
-        """Copy the relevant part of an element, and list geoms needed for inertias."""
-        stated = any(each.element.tag == "inertial" for each in source.children)
+    def _copy(
+        self,
+        source: Placed,
+        target: Element,
+        geoms: list[tuple[Element, str]],
+        body: str = "",
+    ) -> None:
+        """Copy the relevant part of an element, and list geoms needed for inertias.
+
+        The world has no inertia; `body` names the body whose inertia comes from geoms, if any.
+        """
         for each in source.children:
             tag, attributes = each.element.tag, dict(each.element.items())
-            needless = tag == "geom" and (
-                (stated and not self.uses_geom_inertias) or "hfield" in attributes
-            )
-            if tag in _WITHIN and not needless:
-                attributes.pop("material", None)
-                copied = SubElement(target, tag, attributes)
-                geoms += [copied] if tag == "geom" else []
-                self._copy(each, copied, geoms)
+            of_class = source.element.tag == "default"
+            needless = tag == "geom" and not (body or of_class)
+            if tag not in _WITHIN or "hfield" in attributes or needless:
+                continue
+            attributes.pop("material", None)
+            copied = SubElement(target, tag, attributes)
+            geoms += [(copied, body)] if tag == "geom" else []
+            made = body
+            if tag == "body":
+                stated = any(child.element.tag == "inertial" for child in each.children)
+                name = repr(attributes.get("name", "without name"))
+                made = "" if stated and not self.uses_geom_inertias else name
+            self._copy(each, copied, geoms, made)
 
-    def _mesh(self, mesh: Placed, file: str) -> bytes:
+    def _mesh(self, mesh: Placed, file: str, body: str) -> bytes:
         compiler = self.compiler
         inside = compiler.get("meshdir") or compiler.get("assetdir") or ""
         places = [each.path.parent / inside / file for each in (self, mesh.file)]
         found = next((place for place in places if place.is_file()), None)
         if found is None:
+            whose = f"body {body}" if body else "a body"
             raise mesh.wrong(
-                f"{file!r} does not exist, and the inertia of a body comes from this mesh; put "
-                "the file there, or state the inertial of the body"
+                f"{file!r} does not exist, and the inertia of {whose} comes from this mesh; "
+                "put the file there, or state the inertial of the body"
             )
         self._refuse_outside(mesh, found)
         return found.read_bytes()

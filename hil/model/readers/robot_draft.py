@@ -22,6 +22,7 @@ from checked_files.yaml_text import comment, mark_unstated, number, scalar
 from hil.model.drive_train_file import UNKNOWN
 from hil.model.frames import QUARTER, ROUNDED_OFF
 from hil.model.readers.axes_to_frames import find_frames
+from hil.model.readers.limits import FARTHEST
 from hil.model.readers.urdf import UrdfChain
 from hil.model.robot_file import EARTH
 
@@ -30,19 +31,19 @@ if TYPE_CHECKING:
 
     from hil.model.readers.axes_to_frames import Frames
     from hil.model.readers.dh_table import DhRobot
+    from hil.model.readers.limits import LimitedJoint
     from hil.model.readers.mjcf import MjcfChain
-    from hil.model.readers.urdf import LimitedJoint
 
     _Rest = Callable[[LimitedJoint], Iterator[str]]
 
+NOT_TAKEN = "not taken: "
+"""Beginning of a comment about contents of the source."""
 _UNITS = {"revolute": ("rad", "N m"), "prismatic": ("m", "N")}
 _ABOUT_MARKS = (
     f"# Unknown values are marked {UNSTATED}: replace each mark and its text by a",
     "# value. Leave out link parameters that symmetry makes zero: parameters: [Izz, m].",
     "# SI, joint side; rotor_inertia and torque_constant on the motor's side.",
 )
-FARTHEST = round(2 * math.tau, 3)
-"""Range bound for a URDF joint without range: two turns, in three digits [rad or m]."""
 
 
 def draft_robot(source: UrdfChain | DhRobot, gravity: Sequence[float] | None = None) -> str:
@@ -110,9 +111,8 @@ def mjcf_as_stated(chain: MjcfChain, gravity: Sequence[float] | None = None) -> 
         Gravity in the world frame [m/s^2]; by default that of the file.
     """
     text = robot_as_stated(chain, chain.stated_gravity if gravity is None else gravity, "MJCF")
-    left_out = "".join(comment(f"not taken: {each}") + "\n" for each in chain.not_taken)
     springs = ", ".join(f"{{joint: {joint}}}" for joint in chain.springs)
-    return left_out + text + (f"springs: [{springs}]\n" if springs else "")
+    return text + (f"springs: [{springs}]\n" if springs else "")
 
 
 def _ends(chain: UrdfChain) -> str:
@@ -122,8 +122,10 @@ def _ends(chain: UrdfChain) -> str:
 def _text(
     source: UrdfChain | DhRobot, gravity: Sequence[float] | None, title: Sequence[str], rest: _Rest
 ) -> str:
+    not_taken: tuple[str, ...] = ()
     if isinstance(source, UrdfChain):
         name, frames, in_base = source.robot, find_frames(source), source.gravity(gravity)
+        not_taken = source.not_taken
     else:
         name, frames = source.name, source.frames
         in_base = np.array(EARTH if gravity is None else gravity, dtype=float)
@@ -136,6 +138,7 @@ def _text(
     ]
     return "\n".join(
         [
+            *(comment(f"{NOT_TAKEN}{each}") for each in not_taken),
             *title,
             f"name: {scalar(_plain(name))}",
             f"gravity: [{', '.join(number(round(g, 9)) for g in in_frame_0)}] # m/s2, in frame 0",

@@ -25,7 +25,8 @@ import numpy as np
 from checked_files.xml_file import XmlFile
 from checked_files.yaml_file import FileError
 from hil.model.frames import cos_sin, cross_matrix, snap_angle
-from hil.model.robot_file import EARTH, MAX_RANGE, MAX_TORQUE, MAX_VELOCITY, MOST_JOINTS
+from hil.model.readers.limits import LimitedJoint, drop_placeholders
+from hil.model.robot_file import EARTH, MOST_JOINTS
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
@@ -45,29 +46,6 @@ PARALLELOGRAM = (
     "[{motor: 3, joint: 2, ratio: 1}]"
 )
 XACRO = "a URDF is expanded xacro: write one with: xacro FILE.xacro -o FILE.urdf"
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class LimitedJoint:
-    """Joint with limits; unknown limits are NaN.
-
-    Attributes
-    ----------
-    name : str
-    type : {"revolute", "prismatic"}
-    lower, upper : float
-        Range [rad or m].
-    velocity, acceleration, effort : float
-        Greatest magnitudes [rad/s, rad/s^2, N m, or m/s, m/s^2, N].
-    """
-
-    name: str
-    type: Literal["revolute", "prismatic"]
-    lower: float
-    upper: float
-    velocity: float
-    acceleration: float
-    effort: float
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -118,6 +96,8 @@ class UrdfChain:
         Rotation of the base link in the root, by the joints above the chain at zero.
     tilting : str
         Name of a joint above the chain that tilts the base link as it moves; empty if none does.
+    not_taken : tuple of str
+        Omitted contents of the file.
     """
 
     robot: str
@@ -128,6 +108,7 @@ class UrdfChain:
     rounded: float
     mount: Array
     tilting: str
+    not_taken: tuple[str, ...]
 
     def gravity(self, stated: Sequence[float] | None = None) -> Array:
         """Return gravity in the base link, shape (3,) [m/s^2].
@@ -248,15 +229,17 @@ class UrdfReader:
                 " --from and --to, or base and tip of hil.Robot.load"
             )
         mount, tilting = self._mount(edges[0].parent)
+        limited, notes = drop_placeholders(joints)
         return UrdfChain(
             robot=self.file.root.get("name") or self._path.stem,
             base=edges[0].parent,
             tip=edges[-1].child,
-            joints=tuple(joints),
+            joints=limited,
             after=before,
             rounded=self._rounded,
             mount=mount,
             tilting=tilting,
+            not_taken=notes,
         )
 
     def _mount(self, base: str) -> tuple[Array, str]:
@@ -369,7 +352,6 @@ class UrdfReader:
             )
         kind: Literal["revolute", "prismatic"]
         kind = "prismatic" if stated == "prismatic" else "revolute"
-        smaller = 180.0 / math.pi if kind == "revolute" else 1e3  # degrees per rad, or mm per m
         limit = element.find("limit")
         ranged = limit if stated != "continuous" else None
         at = self.file.line(element if limit is None else limit)
@@ -380,11 +362,11 @@ class UrdfReader:
             type=kind,
             before=before,
             axis=self._axis(element),
-            lower=_limit(self._number(ranged, "lower"), MAX_RANGE[kind] * smaller),
-            upper=_limit(self._number(ranged, "upper"), MAX_RANGE[kind] * smaller),
-            velocity=_limit(self._greatest(limit, "velocity"), MAX_VELOCITY[kind] * smaller),
+            lower=self._number(ranged, "lower"),
+            upper=self._number(ranged, "upper"),
+            velocity=self._greatest(limit, "velocity"),
             acceleration=math.nan,
-            effort=_limit(self._greatest(limit, "effort"), MAX_TORQUE * 1e3),
+            effort=self._greatest(limit, "effort"),
         )
 
     def _axis(self, element: Element) -> Array:
@@ -456,15 +438,6 @@ def _followed(element: Element) -> str | None:
     """Return the name of the joint that a joint mimics."""
     mimic = element.find("mimic")
     return None if mimic is None else mimic.get("joint")
-
-
-def _limit(stated: float, greatest: float) -> float:
-    """Return a limit, or NaN above the greatest plausible value in any unit.
-
-    Published URDFs state values such as +-10000 rad for unlimited joints. A value possible in
-    degrees, mm or mN m is kept, and refused later with a remark on the unit.
-    """
-    return math.nan if abs(stated) > greatest else stated
 
 
 def _rotation(axis: Array, angle: float) -> Array:

@@ -198,6 +198,26 @@ def test_a_file_without_names_or_stamps(tmp_path):
     found = drafted(tmp_path / "a.csv")
     assert found["time"] == {"rate": "? samples per second [Hz]"}
     assert len(found["joints"]) == 1
+    text = draft_map(tmp_path / "a.csv", "a.csv")
+    assert "#   columns 1, 2: the file has no names of columns; write the numbers of" in text
+    np.savetxt(tmp_path / "b.csv", np.random.default_rng(1).normal(size=(90, 9)), delimiter=",")
+    assert "#   columns 1 to 9: the file has no" in draft_map(tmp_path / "b.csv", "b.csv")
+
+
+@pytest.mark.parametrize("torques", [6, 3])
+def test_numbers_of_torques_that_no_names_of_joints_have_are_no_joints(tmp_path, torques):
+    names = ["wheel", "shoulder", "elbow", "wrist_1", "wrist_2", "wrist_3"]
+    t = np.arange(400) / 100
+    columns = {"t": t, **{f"position/{name}": np.sin(k + t) for k, name in enumerate(names)}}
+    columns |= {f"effort/{k + 1}": np.cos(k + t) for k in range(torques)}
+    write_csv(tmp_path / "a.csv", columns)
+    joints = drafted(tmp_path / "a.csv")["joints"]
+    assert len(joints) == 6 if torques == 6 else 3
+    paired = [joint["torque"]["column"] for joint in joints]
+    if torques == 6:
+        assert not any(each.startswith("effort") for each in paired)
+    else:
+        assert paired == ["effort/1", "effort/2", "effort/3"]
 
 
 @pytest.mark.parametrize("name", ["q: [a: b]", 'q # "1"', "q\x01é [grad # : x]", "- !x", "@q {"])

@@ -173,6 +173,54 @@ def test_small_tables_of_many_layouts(tmp_path, text, names):
     assert np.concatenate(list(found.blocks([0])))[:, 0].tolist() == [1, 2]
 
 
+@pytest.mark.parametrize(
+    ("text", "rows"),
+    [
+        ('"q [x]",m\n"2,758.94",-1.41\n"-4,132.5",2.5\n"1.5",1,\n',
+         [[2758.94, -1.41], [-4132.5, 2.5], [1.5, 1]]),
+        ('q,m\n"1,234","1,002,003.5"\n"2,345","12.5"\n', [[1234, 1002003.5], [2345, 12.5]]),
+        ("q;m\n2,758.94;-1.41\n1,234;2\n", [[2758.94, -1.41], [1234, 2]]),
+        ("q;m\n2.758,94;-1,41\n1.234;2\n", [[2758.94, -1.41], [1234, 2]]),
+        ("q\tm\n2.758,94\t-1,41\n", [[2758.94, -1.41]]),
+    ],
+)  # fmt: skip
+@pytest.mark.parametrize("missing", [False, True])
+def test_separators_of_thousands_are_read_where_numbers_have_both_marks(
+    tmp_path, text, rows, missing
+):
+    last = {"\t": "\t5\n", ";": ";5\n", ",": ",5\n"}[next(d for d in "\t;," if d in text)]
+    (tmp_path / "a.csv").write_text(text + last * missing)
+    found = np.concatenate(list(open_table(tmp_path / "a.csv", Format()).blocks([0, 1])))
+    np.testing.assert_array_equal(found, rows + [[np.nan, 5]] * missing)
+
+
+def test_numbers_in_quotes_that_may_have_decimal_commas_are_refused_with_the_remedy(tmp_path):
+    (tmp_path / "a.csv").write_text('q,m,n\n"1,234",2,3\n"2,345",3,4\n')
+    with pytest.raises(FileError, match=r"'1,234' .*a decimal comma or a separator of thousands"):
+        list(open_table(tmp_path / "a.csv", Format()).blocks([0, 1]))
+
+
+@pytest.mark.parametrize("names", [False, True])
+@pytest.mark.parametrize("mark", [",", "\t", " ", ";"])
+def test_exchanged_rows_and_columns_are_named_with_a_remedy_that_works(tmp_path, names, mark):
+    pandas = pytest.importorskip("pandas")
+    t = np.arange(500) / 100
+    columns = {"t": t, "q 1" if mark != " " else "q1": np.sin(t), "tau": np.cos(t)}
+    lines = [
+        mark.join([name] * names + [f"{x!r}" for x in v.tolist()]) for name, v in columns.items()
+    ]
+    text = "\n".join(lines) + "\n"
+    (tmp_path / "a.csv").write_text(text.replace(".", ",") if mark == ";" else text)
+    with pytest.raises(FileError, match=rf"3 lines of {500 + names} cells: rows and col") as found:
+        open_table(tmp_path / "a.csv", Format())
+    remedy = str(found.value).partition("as by pandas: ")[2]
+    exec(remedy.replace("a.csv", str(tmp_path / "a.csv")).replace("columns.csv", str(tmp_path / "b.csv")), {"pandas": pandas})  # fmt: skip # noqa: E501, S102
+    table = open_table(tmp_path / "b.csv", Format())
+    assert table.names == (tuple(columns) if names else ("", "", ""))
+    values = np.concatenate(list(table.blocks([0, 1, 2])))
+    np.testing.assert_array_equal(values, np.stack([*columns.values()], axis=1))
+
+
 def test_empty_cells_and_short_rows_are_missing(tmp_path):
     (tmp_path / "a.csv").write_text("t,q\n0,1\n1,\n2\n3,NaN\n4,5\n")
     found = open_table(tmp_path / "a.csv", Format())

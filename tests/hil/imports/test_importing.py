@@ -374,3 +374,32 @@ def test_a_folder_that_is_there_is_never_touched(tmp_path):
 def test_the_map_is_yaml_that_stands_for_itself(tmp_path):
     run, _ = made(tmp_path, table(3.0))
     assert yaml.safe_load((run.path / "maps" / "map.yaml").read_text()) == a_map()
+
+
+def headers_again(folder, later=0.0):
+    """Write a recording of 10 s, and after another header one of 8 s."""
+    write_csv(folder / "data.csv", table(10.0))
+    again = table(time=later + np.arange(1601) / 200)
+    write_csv(folder / "again.csv", again)
+    text = (folder / "data.csv").read_text() + (folder / "again.csv").read_text()
+    (folder / "data.csv").write_text(text)
+
+
+@pytest.mark.parametrize("rows", [None, [[1, 2001], [2003, 3603]]])
+@pytest.mark.parametrize("time", [{"column": "t", "unit": "s"}, {"rate": 200}])
+def test_a_header_that_is_repeated_begins_another_recording(tmp_path, rows, time):
+    headers_again(tmp_path)
+    said = []
+    the_map = write_map(tmp_path, a_map(rows=rows, time=time))
+    run = import_recordings([the_map], tmp_path / "run", said.append)
+    assert [len(each.recording.time) for each in run] == [2001, 1601]
+    assert any(
+        "data.csv: the header is repeated in row 2002: the recorder started anew" in line
+        for line in said[0].lines()
+    )
+
+
+def test_a_header_that_is_repeated_while_time_goes_on_begins_nothing(tmp_path):
+    headers_again(tmp_path, later=10.005)
+    run = import_recordings([write_map(tmp_path, a_map())], tmp_path / "run")
+    assert [len(each.recording.time) for each in run] == [3602]

@@ -228,6 +228,45 @@ def test_a_part_without_values_is_named(tmp_path):
     write_mcap(tmp_path / "a.mcap", "NONE", 3000, [*empty_parts("effort")])
     found = open_table(tmp_path / "a.mcap", Format())
     with pytest.raises(
-        NoColumn, match=r"effort is without values in some messages on /joint_states"
+        NoColumn, match=r"effort is without values in the messages on /joint_states"
     ):
         column_of(found, "effort/elbow")
+
+
+def add_gripper(message):
+    """Add two joints without efforts."""
+    message.name = [*message.name, "left", "right"]
+    for part in ("position", "velocity"):
+        setattr(message, part, np.append(getattr(message, part), [0.02, 0.02]))
+
+
+@pytest.mark.parametrize("name", ["mcap", "rosbag"])
+def test_efforts_that_are_fewer_than_names_are_columns_by_number(tmp_path, monkeypatch, name):
+    def some(types):
+        for message in every(types):
+            if len(message.name) > 1:
+                if message.name[0] == "elbow":
+                    for part in ("position", "velocity", "effort"):
+                        setattr(message, part, getattr(message, part)[::-1].copy())
+                message.name = ["shoulder", "elbow"]
+                add_gripper(message)
+                yield message
+
+    every = messages
+    monkeypatch.setattr(f"{__name__}.messages", some)
+    bag = make(tmp_path, name)
+    if name == "rosbag":
+        found = open_table(bag, Format())
+    else:
+        found = open_table(bag, Format(topic="/joint_states"))
+    note = (
+        "its messages have 2 values of effort for 4 names: columns effort/1 to effort/2, in order;"
+        " the names are shoulder, elbow, left, right"
+    )
+    assert found.notes == (note,)
+    with pytest.raises(NoColumn, match=r"no column 'effort/elbow'.*2 values of effort for 4 names"):
+        column_of(found, "effort/elbow")
+    wanted = ("position/elbow", "velocity/shoulder", "effort/1", "effort/2")
+    values = np.concatenate(list(found.blocks([column_of(found, each) for each in wanted])))
+    expected = [COLUMNS[each] for each in ("q2", "v1", "m1", "m2")]
+    np.testing.assert_array_equal(values, np.stack(expected, axis=1))

@@ -102,6 +102,29 @@ def test_joints_held_turned_round_or_uneven_in_time_are_one_source():
     assert suspicions(motion(uneven)[0], uneven) == []
 
 
+@pytest.mark.parametrize("most", [1, 2])
+def test_a_joint_at_rest_whose_encoder_toggles_is_one_source(most):
+    t, random = np.arange(1100) / 50, np.random.default_rng(7)
+    step, toggles = 2 * np.pi / 2**14, np.zeros(1100)
+    at = random.choice(1090, 70, replace=False) + 5
+    toggles[at] = random.integers(1, most + 1, 70)
+    turning = step * np.round(motion(np.maximum(t, 16))[0][:, 0] / step)
+    for rests in (np.zeros(1100), 4 * (t > 11)):
+        q = np.stack([step * (rests + toggles - 92), *np.full((5, 1100), 0.1), turning], axis=1)
+        assert suspicions(q, t) == []
+    q = np.stack([step * (np.arange(1100) % 2), turning], axis=1)
+    assert suspicions(q, t) == []
+
+
+@pytest.mark.parametrize("other", [zeros, another_arm])
+def test_sources_of_an_arm_with_joints_at_rest_are_named(other):
+    t = np.arange(2000) / 200
+    resting = np.full((2000, 4), 0.3)
+    mixed = np.hstack([motion(t)[0], resting])
+    mixed[1::2] = np.hstack([other(t[1::2])[0], 0 * resting[1::2]])
+    assert len(suspicions(np.round(mixed, 4), t)) == 1
+
+
 def test_samples_that_stand_out_here_and_there_are_spikes_not_another_source():
     t, random = np.arange(8000) / 200, np.random.default_rng(5)
     q = motion(t)[0]

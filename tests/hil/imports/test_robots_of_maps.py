@@ -1,5 +1,7 @@
 """Robot of a map: by name, file or URDF, with joints of any type."""
 
+import re
+
 import numpy as np
 import pytest
 import yaml
@@ -42,6 +44,24 @@ def test_a_urdf_is_a_robot(tmp_path, robot):
     assert [bool(turns) for turns in run.robot.revolute] == [t == "revolute" for t in TYPES]
     assert Robot.load(run.path / "robot.yaml").digest == run.robot.digest
     assert run["map-01"].recording.q.shape == (3000, 4)
+
+
+@pytest.mark.parametrize("uncertain", [False, True])
+def test_placeholders_of_limits_are_no_obstacle_for_recordings(tmp_path, uncertain):
+    joints = write_scara(tmp_path)
+    if uncertain:
+        joints[2]["torque"] |= {"gain": 1.0, "gain_uncertainty": 0.03}
+    text = (tmp_path / "scara.urdf").read_text()
+    zeros = '<limit lower="0" upper="0" velocity="1000" effort="1000"/>'
+    (tmp_path / "scara.urdf").write_text(re.sub("<limit [^>]*>", zeros, text))
+    content = a_map(robot="scara.urdf", joints=joints)
+    told = []
+    run = import_recordings([write_map(tmp_path, content)], tmp_path / "r", told.append)
+    notes = [line for line in told[0].lines() if "limits taken as unknown" in line]
+    assert len(notes) == 1
+    assert "range 0 to 0 rad of joint1, joint2 (allows no motion)" in notes[0]
+    assert not told[0].warnings
+    assert np.isnan(run.robot.torque_limit).all()
 
 
 def test_part_of_a_chain_is_a_robot(tmp_path):

@@ -1,5 +1,7 @@
 """Robots from MJCF agree with MuJoCo's compiler."""
 
+import re
+
 import numpy as np
 import pytest
 from mjcf_robots import ARM, WRIST, write_arm
@@ -122,6 +124,52 @@ def test_a_mesh_is_needed_where_it_makes_an_inertia_and_nowhere_else(tmp_path):
     (path.parent / "meshes").mkdir()
     (path.parent / "meshes" / "tool.obj").write_text(TRIANGLES)
     assert read_mjcf(path).model.body("tool").mass[0] == pytest.approx(1000 * 0.1**3 / 6)
+
+
+@pytest.mark.parametrize(
+    ("where", "instead"),
+    [
+        ("<worldbody>", "<worldbody>{}"),
+        ("<worldbody>", '<worldbody><frame pos="1 0 0"><frame>{}</frame></frame>'),
+        ('<body name="fore" pos="0.1 0.05 0">', '<body name="fore" pos="0.1 0.05 0">{}'),
+        ('<frame euler="0 90 0">', '<frame euler="0 90 0">{}'),
+    ],
+)
+def test_missing_meshes_of_the_world_and_of_bodies_with_inertials_are_not_needed(
+    tmp_path, where, instead
+):
+    plain = read_mjcf(write_arm(tmp_path / "plain"))
+    asset = '<asset><mesh name="lost" file="lost.stl"/></asset><worldbody>'
+    arm = ARM.replace(where, instead.format('<geom type="mesh" mesh="lost"/>'))
+    chain = read_mjcf(write_arm(tmp_path / "arm", arm.replace("<worldbody>", asset)))
+    assert chain.model.nmesh == 0
+    np.testing.assert_array_equal(chain.model.body_inertia, plain.model.body_inertia)
+
+
+def test_a_mesh_of_a_class_is_needed_where_it_makes_an_inertia(tmp_path):
+    shape = '<joint damping="0.3"/><geom type="mesh" mesh="tool"/>'
+    stated = write_mesh_tool(tmp_path / "stated", stated=True)
+    made = write_mesh_tool(tmp_path / "made")
+    for path in (stated, made):
+        text = path.read_text().replace('<joint damping="0.3"/>', shape)
+        path.write_text(re.sub('<geom type="box".*', "", text))
+        wrist = path.parent / "parts" / "wrist.xml"
+        wrist.write_text(wrist.read_text().replace(' mesh="tool"', ""))
+    assert read_mjcf(stated).model.nmesh == 0
+    with pytest.raises(FileError, match=r"'tool\.obj' does not exist"):
+        read_mjcf(made)
+
+
+def test_a_missing_mesh_is_named_with_its_body(tmp_path):
+    asset = '<asset><mesh name="lost" file="lost.stl"/></asset><worldbody>'
+    arm = ARM.replace("<worldbody>", asset).replace(
+        "autolimits", 'inertiafromgeom="true" autolimits'
+    )
+    arm = arm.replace(
+        'name="fore" pos="0.1 0.05 0">', 'name="fore"><geom type="mesh" mesh="lost"/>'
+    )
+    with pytest.raises(FileError, match=r"'lost\.stl' does not exist, .* inertia of body 'fore'"):
+        read_mjcf(write_arm(tmp_path / "arm", arm))
 
 
 def test_files_outside_of_the_folder_are_not_read(tmp_path):

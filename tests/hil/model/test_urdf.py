@@ -257,6 +257,8 @@ def insert_xacro(element: str) -> str:
     [
         ("", None, "1: invalid XML"),
         ("<robot><link", None, "1: invalid XML"),
+        ("xacro: in-order processing\n<?xml version='1.0'?>\n<robot/>", None,
+         "1: invalid XML: starts with 'xacro: in-order processing'; remove what stands before <"),
         ("<sdf/>", None, "1: <sdf> must be <robot>"),
         ('<robot><link name="a"/></robot>', None, "no chain of joints that move: it has 0 joints"),
         (add_fingers(), None, "2 chains have 3 moving joints, to left, right; choose"),
@@ -360,6 +362,62 @@ def test_limits_that_no_joint_has_are_none(tmp_path: Path) -> None:
     first, second = chain_of(tmp_path, text).joints
     assert np.isnan([first.lower, first.upper, first.velocity, first.effort]).all()
     assert (second.lower, second.upper) == (-1.2, 2.2)
+    (note,) = chain_of(tmp_path, text).not_taken
+    assert note == (
+        "limits taken as unknown: lower -10000 of joint1 (exceeds 720, the greatest in any"
+        " unit), upper 10000 of joint1 (exceeds 720, the greatest in any unit), velocity 1e+06"
+        " rad/s of joint1 (no joint exceeds 40 rad/s: a placeholder or another unit), effort 1e+10"
+        " N m of joint1 (no joint exceeds 100000 N m: a placeholder or another unit)"
+    )
     # degrees are no valid limit: the robot file refuses them with a remark
     degrees = text.replace('upper="10000"', 'upper="120"')
     assert chain_of(tmp_path, degrees).joints[0].upper == 120.0
+
+
+def limits(name: str, stated: str) -> str:
+    """Return a URDF with the same attributes of <limit> for all joints."""
+    return re.sub("<limit [^>]*>", f"<limit {stated}/>", urdf(name, ROBOTS[name]))
+
+
+@pytest.mark.parametrize(
+    ("stated", "unknown"),
+    [
+        ('lower="-2" upper="2" velocity="1000" effort="1000"', "velocity effort"),
+        ('lower="-2" upper="2" velocity="172" effort="33"', "velocity"),
+        ('lower="-2" upper="2" velocity="3" effort="1000"', "effort"),
+        ('lower="-2" upper="2" velocity="3" effort="150000"', "effort"),
+        ('lower="-1000" upper="1000" velocity="100" effort="100"', "lower upper velocity effort"),
+        ('lower="0" upper="0" velocity="0" effort="0"', "lower upper velocity effort"),
+        ('lower="0" upper="0" velocity="3" effort="33"', "lower upper"),
+        ('lower="-2" upper="2" velocity="3" effort="33"', ""),
+    ],
+)
+def test_placeholders_of_limits_are_unknown_and_named_in_one_line(
+    tmp_path: Path, stated: str, unknown: str
+) -> None:
+    chain = chain_of(tmp_path, limits("UR10e", stated))
+    for joint in chain.joints:
+        for key in ("lower", "upper", "velocity", "effort"):
+            assert math.isnan(getattr(joint, key)) == (key in unknown.split())
+    robot = Robot.load(tmp_path / "robot.urdf")
+    assert len(robot.not_taken) == bool(unknown) == robot.text.count("# not taken: ")
+    assert np.isnan(robot.velocity_limit).all() == ("velocity" in unknown)
+    assert chain.not_taken == parse_robot(robot.text, "copy").not_taken
+    text = filled(draft_robot(chain))
+    assert parse_robot(text, "draft").not_taken == chain.not_taken
+
+
+def test_efforts_of_motors_are_no_placeholders(tmp_path: Path) -> None:
+    text = urdf("pan tilt", ROBOTS["pan-tilt"]).replace('effort="51"', 'effort="100"')
+    assert chain_of(tmp_path, text).joints[0].effort == 100.0
+
+
+@pytest.mark.parametrize("before", ["\n", "\ufeff \n", "  ", "<!-- exported\nby hand -->"])
+def test_blanks_and_comments_before_the_declaration_of_xml_do_no_harm(
+    tmp_path: Path, before: str
+) -> None:
+    text = urdf("x", ROBOTS["pan-tilt"])
+    line = int(chain_of(tmp_path, text).joints[0].place.split(":")[1])
+    declared = f'{before}<?xml version="1.0" encoding="utf-8"?>\n{text}'
+    joint = chain_of(tmp_path, declared).joints[0]
+    assert f":{line + 1 + before.count(chr(10))}:" in joint.place
