@@ -369,6 +369,7 @@ def _find_built_in(name: str) -> Path:
 
 def wrong_names(robot: RobotArrays) -> Iterator[Problem]:
     """Yield problems of names in a robot file: place and description."""
+    yield from _wrong_parents(robot)
     yield from _unknown_lengths(robot)
     yield from _wrong_ties(robot)
     yield from _wrong_couplings(robot)
@@ -393,11 +394,20 @@ def unknown_for_motion(robot: RobotArrays) -> Iterator[Problem]:
                 yield ("joints", j, "drive", key), _NEEDED
 
 
+def _wrong_parents(robot: RobotArrays) -> Iterator[Problem]:
+    for index, parent in enumerate(robot.parents):
+        if not -1 <= parent < index:
+            yield (
+                ("joints", index, "parent"),
+                f"{parent + 1} must be in 0..{index}: 0 for the base, or a joint stated before",
+            )
+
+
 def _unknown_lengths(robot: RobotArrays) -> Iterator[Problem]:
     known = robot.file.lengths
     for index in range(robot.n_joints):
-        for key in ("d", "r"):
-            expression = (robot.d_expressions if key == "d" else robot.r_expressions)[index]
+        for key in ("b", "d", "r"):
+            expression = getattr(robot, f"{key}_expressions")[index]
             for name in sorted(expression.names - set(known)):
                 names = f"known are {', '.join(known)}" if known else "none are named"
                 yield ("joints", index, "frame", key), f"{name} is not a length; {names} in lengths"
