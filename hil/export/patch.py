@@ -430,7 +430,7 @@ def _chain_of(path: Path, robot: Robot) -> MjcfChain:
     from hil.model.readers.mjcf import read_chains  # noqa: PLC0415 - MuJoCo is an extra
 
     why = "the longest chain has fewer joints"
-    for chain in read_chains(path, robot.n_joints):
+    for chain in read_chains(path, robot):
         why = difference(chain, robot)
         if not why:
             return chain

@@ -71,7 +71,7 @@ def given_urdf(path: Path | str, robot: Robot) -> Given:
     """
     reader = UrdfReader(path := Path(path))
     whys = ["the longest chain has fewer moving joints"]
-    chains = _chains(reader, robot.n_joints)
+    chains = _chains(reader, robot)
     for chain in sorted(chains, key=lambda each: np.array_equal(each.revolute, robot.revolute)):
         found = difference(chain, robot)
         if not found:
@@ -218,8 +218,17 @@ def _mass_and_inertia(
     return m, inertia
 
 
-def _chains(reader: UrdfReader, n_joints: int) -> Iterator[UrdfChain]:
-    """Yield all chains of `n_joints` moving joints that start and end with a moving joint."""
+def _chains(reader: UrdfReader, robot: Robot) -> Iterator[UrdfChain]:
+    """Yield all chains of as many moving joints that start and end with a moving joint.
+
+    A tree is found by the names of its joints.
+    """
+    if not robot.is_chain:
+        moved = reader.tips_of(robot)
+        if len(moved) == robot.n_joints:
+            yield reader.chain(None, moved)
+        return
+    n_joints = robot.n_joints
     for tip in reader.links:
         here, moving = tip, 0
         while moving < n_joints and here in reader.above:
@@ -229,7 +238,7 @@ def _chains(reader: UrdfReader, n_joints: int) -> Iterator[UrdfChain]:
                 break
             here, moving = edge.parent, moving + turns
         if moving == n_joints:
-            yield reader.chain(here, tip)
+            yield reader.chain(here, [tip])
 
 
 UNLIMITED = 1e6

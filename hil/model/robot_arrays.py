@@ -121,6 +121,11 @@ class RobotArrays:
         stated = (joint.parent for joint in self.file.joints)
         return tuple((n if each is None else each) - 1 for n, each in enumerate(stated))
 
+    @property
+    def is_chain(self) -> bool:
+        """True if no link carries two joints."""
+        return self.parents == tuple(range(-1, self.n_joints - 1))
+
     gamma = _per_joint(lambda joint: joint.frame.gamma or 0.0)
     """Angles about the parents' z axes, before those about x [rad]."""
     alpha = _per_joint(lambda joint: joint.frame.alpha)

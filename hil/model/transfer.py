@@ -100,9 +100,12 @@ def _span(rows: Array) -> Array:
 
 
 def _null_space(rows: Array) -> Array:
-    """Compute an orthonormal basis of the null space of `rows`, as rows."""
-    space = _span(rows)
-    return np.linalg.svd(space)[2][len(space) :]
+    """Compute an orthonormal basis of the null space of `rows`, as rows.
+
+    The rows stay unscaled: of orthonormal functionals, small ones are rounding errors.
+    """
+    _, values, basis = np.linalg.svd(rows)
+    return basis[int(np.sum(values > ROUNDED_OFF * values[0])) :]
 
 
 def _echelon(basis: Array) -> tuple[Array, list[int]]:

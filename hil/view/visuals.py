@@ -141,7 +141,7 @@ def visuals(urdf: Path, robot: Robot, meshes: Path | None = None) -> Visuals:
         Joints different from those of the robot.
     """
     reader = UrdfReader(urdf)
-    chain = reader.chain(None, None)
+    chain = reader.chain()
     _refuse_other(chain, robot, urdf)
     shapes: list[tuple[int, Array]] = []
     left_out = []
