@@ -265,8 +265,8 @@ def _own(robot: SimulatedRobot) -> tuple[ET.Element, list[str]]:
     if turned is not None:
         root.insert(0, ET.Element("link", name="world"))
         _joint(root, "world_to_base", "fixed", ("world", robot.base), turned, np.zeros(3))
-    parent = robot.base
     for joint in robot.joints:
+        parent = robot.joints[joint.parent].link if joint.parent >= 0 else robot.base
         link = ET.SubElement(root, "link", name=joint.link)
         link.append(_inertial(joint))
         kind = "revolute" if joint.revolute else "prismatic"
@@ -275,7 +275,6 @@ def _own(robot: SimulatedRobot) -> tuple[ET.Element, list[str]]:
         ET.SubElement(made, "axis", xyz=numbers(joint.axis))
         ET.SubElement(made, "limit", _limits(joint))
         _set_dynamics(made, joint)
-        parent = joint.link
     return root, list(_missing_limits(robot))
 
 

@@ -126,6 +126,20 @@ class RobotArrays:
         """True if no link carries two joints."""
         return self.parents == tuple(range(-1, self.n_joints - 1))
 
+    def path(self, link: int) -> tuple[int, ...]:
+        """Return the links from the base to a link, itself included, from 0."""
+        parent = self.parents[link]
+        return (*self.path(parent), link) if parent >= 0 else (link,)
+
+    def next_link(self, link: int) -> int | None:
+        """Return the first link that a link carries (from 0), or None."""
+        return self.parents.index(link) if link in self.parents else None
+
+    @property
+    def last_links(self) -> tuple[int, ...]:
+        """Links that carry no other, from 0."""
+        return tuple(link for link in range(self.n_joints) if self.next_link(link) is None)
+
     gamma = _per_joint(lambda joint: joint.frame.gamma or 0.0)
     """Angles about the parents' z axes, before those about x [rad]."""
     alpha = _per_joint(lambda joint: joint.frame.alpha)

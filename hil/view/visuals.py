@@ -63,6 +63,7 @@ def _joint(robot: Robot, joint: int) -> dict[str, object]:
     shapes = capsules(robot)
     return {
         "revolute": bool(robot.revolute[joint]),
+        "parent": robot.parents[joint],
         "before": (robot.zero_pose(joint).ravel() + 0.0).tolist(),  # no -0.0
         "lower": float(robot.q_min[joint]),
         "upper": float(robot.q_max[joint]),
