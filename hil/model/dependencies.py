@@ -92,8 +92,10 @@ def influences(robot: Robot) -> tuple[Array, Array]:
     gravity : array, shape (n_configurations, n_joints, n_standard)
     """
     random = np.random.default_rng(22)
-    # 12 random configurations, although one would suffice
-    configurations = random.uniform(-np.pi, np.pi, (12, robot.n_joints))
+    # one would suffice for occurrence; for the rank, an element of M with parameters that no other
+    # element shows needs as many as it has, and each branch has its own
+    number = 12 * len(robot.last_links)
+    configurations = random.uniform(-np.pi, np.pi, (number, robot.n_joints))
     found = [_influences_at(robot, q) for q in configurations]
     added = np.moveaxis(added_inertias(robot), 0, -1)
     mass = [np.concatenate([each, added], axis=-1) for each, _ in found]

@@ -61,7 +61,7 @@ def transfers(robot: Robot) -> list[tuple[Array, list[int]]]:
         Parameters transferred from link j.
     """
     felt = np.zeros((1, 10))
-    felt[0, 6:9] = robot.gravity
+    felt[0, 6:9] = robot.gravity / max(float(np.linalg.norm(robot.gravity)), ROUNDED_OFF)
     spans = {-1: (np.zeros((0, 6)), felt)}
     found = []
     for joint, parent in enumerate(robot.parents):
@@ -89,23 +89,18 @@ def _krylov(rows: Array, step: Array) -> Array:
 
 
 def _span(rows: Array) -> Array:
-    """Compute an orthonormal basis of the rows' span."""
-    norms = np.linalg.norm(rows, axis=1)
-    rows = rows[norms > ROUNDED_OFF] / norms[norms > ROUNDED_OFF, None]
-    if not len(rows):
-        return rows
+    """Compute an orthonormal basis of the rows' span.
+
+    The rows stay unscaled: of orthonormal functionals, small ones are rounding errors.
+    """
     _, values, basis = np.linalg.svd(rows, full_matrices=False)
-    spanning: Array = basis[values > ROUNDED_OFF * values[0]]
+    spanning: Array = basis[values > ROUNDED_OFF * values.max(initial=0.0)]
     return spanning
 
 
 def _null_space(rows: Array) -> Array:
-    """Compute an orthonormal basis of the null space of `rows`, as rows.
-
-    The rows stay unscaled: of orthonormal functionals, small ones are rounding errors.
-    """
-    _, values, basis = np.linalg.svd(rows)
-    return basis[int(np.sum(values > ROUNDED_OFF * values[0])) :]
+    """Compute an orthonormal basis of the null space of `rows`, as rows."""
+    return np.linalg.svd(rows)[2][len(_span(rows)) :]
 
 
 def _echelon(basis: Array) -> tuple[Array, list[int]]:
