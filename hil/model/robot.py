@@ -82,7 +82,8 @@ class Robot(RobotArrays):
             `available_robots`.
         base, tip : str, optional
             First and last link of the URDF, or body of the MJCF; by default those of the chain with
-            the most moving joints.
+            the most moving joints, or all of a tree with several such chains. Several last links
+            are separated by commas.
         gravity : sequence of three floats, optional
             Gravity in the link `base` of the URDF [m/s^2], by default that of the earth along -z of
             its root; or in the world of the MJCF, by default that of the file.
@@ -103,12 +104,12 @@ class Robot(RobotArrays):
         """
         path = Path(path)
         if path.suffix.lower() in DESCRIPTIONS:
-            return _load_description(path, base, tip, gravity)
+            return load_description(path, base, tip, gravity)
         if path.suffix not in {".yaml", ".yml"} and len(path.parts) == 1 and not path.is_file():
             path = _find_built_in(str(path))
         if (text := read_text(path)).lstrip().startswith("<"):
             # XML in a file with another ending
-            return _load_description(path, base, tip, gravity)
+            return load_description(path, base, tip, gravity)
         if any(each is not None for each in (base, tip, gravity)):
             raise InvalidValue(
                 f"{path}: is not a URDF, and states its chain itself; omit base, tip and gravity"
@@ -255,10 +256,13 @@ load_robot = Robot.load
 """Deprecated name of `Robot.load`, from before version 0.2."""
 
 
-def _load_description(
+def load_description(
     path: Path, base: str | None, tip: str | None, gravity: Sequence[float] | None
 ) -> Robot:
-    """Create a robot from a URDF or an MJCF, according to the root of the file."""
+    """Create a robot from a URDF or an MJCF, according to the root of the file.
+
+    Parameters and errors are those of `Robot.load`.
+    """
     if XmlFile(path).root.tag != "mujoco":
         return robot_from_urdf(path, base, tip, gravity)
     from hil.model.readers.mjcf import read_mjcf  # noqa: PLC0415 - MuJoCo is an extra
@@ -273,13 +277,13 @@ def robot_from_urdf(
     tip: str | None = None,
     gravity: Sequence[float] | None = None,
 ) -> Robot:
-    """Create a robot from the chain between two links of a URDF.
+    """Create a robot from the chain between two links of a URDF, or a tree.
 
     Parameters
     ----------
     path : path
     base, tip : str, optional
-        Names of links; by default those of the chain with the most moving joints.
+        Names of links, as in `Robot.load`.
     gravity : sequence of three floats, optional
         Gravity in the link `base` [m/s^2]; by default that of the earth along -z of the URDF's
         root.
