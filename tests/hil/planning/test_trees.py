@@ -34,6 +34,8 @@ def robot() -> Robot:
 def test_a_plan_of_strokes_moves_one_branch_at_a_time_and_shows_all_parameters(
     robot: Robot,
 ) -> None:
+    drive = robot.file.joints[3].drive  # strokes tell no unknown rotor from its link
+    robot = robot.replace_joints({4: {"drive": drive}})
     plan, middle = design(robot), (robot.q_min + robot.q_max) / 2
     assert not dry_run(plan, robot).problems
     for each in plan.measurements:
@@ -42,7 +44,7 @@ def test_a_plan_of_strokes_moves_one_branch_at_a_time_and_shows_all_parameters(
         away = np.abs(np.array(each.q) - middle) > 0.11 * (robot.q_max - robot.q_min)
         assert not (away[LEFT].any() and away[RIGHT].any()), each.id
     found = predict(robot, plan.measurements, 0.004, stated_noise(robot))
-    assert (found.effect < 0.01).all()
+    assert (found.effect < 0.001).all()
 
 
 def test_motions_of_all_branches_at_once_and_loads_are_refused_with_what_to_do(
