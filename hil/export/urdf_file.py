@@ -47,6 +47,8 @@ if TYPE_CHECKING:
 
 INERTIA = {f"i{'xyz'[i]}{'xyz'[j]}": (i, j) for i, j in zip(*np.triu_indices(3), strict=True)}
 """Attributes of an <inertia>, in the order of standard parameters, with their indices."""
+NO_CHAIN = "the longest chain has fewer moving joints"
+NO_TREE = "a tree is found by the names of its joints, and the file lacks some of them"
 _ROUNDED = 1e-5
 """Tolerance for rounding, relative to the greatest moment; exporters write six digits."""
 
@@ -70,7 +72,7 @@ def given_urdf(path: Path | str, robot: Robot) -> Given:
         No chain has the frames of the robot.
     """
     reader = UrdfReader(path := Path(path))
-    whys = ["the longest chain has fewer moving joints"]
+    whys = [NO_CHAIN if robot.is_chain else NO_TREE]
     chains = _chains(reader, robot)
     for chain in sorted(chains, key=lambda each: np.array_equal(each.revolute, robot.revolute)):
         found = difference(chain, robot)
