@@ -361,18 +361,25 @@ def master(ideal_channel: str) -> Iterator[canopen.Network]:
 
 
 class ChainBuilder:
-    """Builder of robot files of serial chains, as text and as
+    """Builder of robot files of chains and trees, as text and as
     robots, with equal limits and drives.
     """
 
     LENGTHS: ClassVar = {"a": 0.3, "b": 0.45}
 
-    def joint(self, kind: str = "revolute", parameters: object = None, **frame: object) -> str:
+    def joint(
+        self,
+        kind: str = "revolute",
+        parameters: object = None,
+        parent: int | None = None,
+        **frame: object,
+    ) -> str:
         """Return a joint in YAML; `parameters` is a list, or None for all ten."""
+        carrier = "" if parent is None else f"parent: {parent}, "
         places = ", ".join(f"{key}: {value}" for key, value in {"alpha": 0, **frame}.items())
         present = "" if parameters is None else f", parameters: [{', '.join(parameters)}]"
         return (
-            f"  - {{type: {kind}, frame: {{{places}}}{present}, q_min: -1, q_max: 1,"
+            f"  - {{type: {kind}, {carrier}frame: {{{places}}}{present}, q_min: -1, q_max: 1,"
             " velocity_limit: 1, acceleration_limit: 1, torque_limit: 1,"
             " drive: {gear_ratio: 100, rotor_inertia: 0.001, torque_constant: 1}}\n"
         )
@@ -384,13 +391,20 @@ class ChainBuilder:
         text = f"name: chain\ngravity: {list(gravity)}\nlengths: {self.LENGTHS}\njoints:\n"
         return parse_robot(text + "".join(joints) + f"ties: [{', '.join(ties)}]\n", "chain.yaml")
 
-    def random(self, seed: int) -> Robot:
-        """Return a random robot of one to six joints, many parallel or perpendicular, some with few
-        parameters.
+    def random(self, seed: int, tree: bool = False) -> Robot:
+        """Return a random robot of one to six joints, or tree of two to ten, many parallel or
+        perpendicular, some with few parameters.
         """
         rng = np.random.default_rng(seed)
         pick = lambda *choices: choices[rng.integers(len(choices))]  # noqa: E731
         names = np.array(LINK_PARAMETERS)
+
+        def branch(number: int) -> dict[str, object]:
+            if not tree or (number and rng.random() < 0.5):
+                return {}
+            angle, shift = pick("0", "pi/2", "-0.4"), pick("0", "a", "-0.2")
+            return {"parent": int(rng.integers(0, number + 1)), "gamma": angle, "b": shift}
+
         joints = [
             self.joint(
                 pick("revolute", "revolute", "prismatic"),
@@ -399,8 +413,9 @@ class ChainBuilder:
                 theta=pick("0", "pi/2", "0.7", "pi/4"),
                 d=pick("0", "0", "a", "-b", "0.2", "a + 0.1"),
                 r=pick("0", "0", "b", "0.11", "a - b"),
+                **branch(number),
             )
-            for _ in range(rng.integers(1, 7))
+            for number in range(rng.integers(2, 11) if tree else rng.integers(1, 7))
         ]
         gravity = pick((0, 0, -9.81), (0, 0, -9.81), (0, -9.81, 0), (3, 4, -7), (0, 0, 0))
         return self.robot(*joints, gravity=gravity)

@@ -57,7 +57,11 @@ def new(
     ] = None,
     tip: Annotated[
         str | None,
-        typer.Option("--to", help="Last link of the URDF; that of the longest chain by default."),
+        typer.Option(
+            "--to",
+            help="Last link of the URDF, or several separated by commas; by default that of the"
+            " longest chain, or all of a tree.",
+        ),
     ] = None,
     gravity: Annotated[
         tuple[float, float, float] | None,

@@ -58,12 +58,16 @@ def write_json(model: Model, origin: tuple[str, ...]) -> Exported:
 def _json_joint(model: Model, axis: int) -> dict[str, object]:
     """Return frame, unit and drive of a joint (from 0)."""
     robot, residual = model.robot, float(model.residual[axis])
+    tree = [] if robot.is_chain else ["gamma", "b"]
     return {
         "joint": axis + 1,
         "type": "revolute" if robot.revolute[axis] else "prismatic",
         "position_unit": robot.position_unit(axis),
         "torque_unit": robot.torque_unit(axis),
-        "frame": {name: float(getattr(robot, name)[axis]) for name in ("alpha", "d", "theta", "r")},
+        **({"parent": robot.parents[axis] + 1} if tree else {}),
+        "frame": {
+            name: float(getattr(robot, name)[axis]) for name in (*tree, "alpha", "d", "theta", "r")
+        },
         "reflected_inertia": float(robot.reflected_inertia[axis]),
         "residual": None if np.isnan(residual) else residual,
     }

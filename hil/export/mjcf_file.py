@@ -57,9 +57,11 @@ def write_mjcf(model: Model, origin: tuple[str, ...], given: Given | None = None
     root.append(ET.Comment(comment((*origin, *remarks))))
     ET.SubElement(root, "compiler", angle="radian", autolimits="true")
     ET.SubElement(root, "option", gravity=numbers(robot.gravity), timestep=number(STEP))
-    parent = ET.SubElement(ET.SubElement(root, "worldbody"), "body", name=robot.base)
+    base = ET.SubElement(ET.SubElement(root, "worldbody"), "body", name=robot.base)
+    links: list[ET.Element] = []
     for joint in robot.joints:
-        parent = _body(parent, joint, coupled=robot.coupled)
+        parent = links[joint.parent] if joint.parent >= 0 else base
+        links.append(_body(parent, joint, coupled=robot.coupled))
     if robot.coupled:
         _tendons(root, robot)
     _motors(root, robot)

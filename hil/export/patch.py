@@ -36,6 +36,8 @@ from hil.export.simulated_robot import (
 )
 from hil.export.urdf_file import (
     INERTIA,
+    NO_CHAIN,
+    NO_TREE,
     bodies_of,
     given_urdf,
     inertial_faults,
@@ -429,8 +431,8 @@ def _chain_of(path: Path, robot: Robot) -> MjcfChain:
     """Find the chain of a robot in an MJCF."""
     from hil.model.readers.mjcf import read_chains  # noqa: PLC0415 - MuJoCo is an extra
 
-    why = "the longest chain has fewer joints"
-    for chain in read_chains(path, robot.n_joints):
+    why = NO_CHAIN if robot.is_chain else NO_TREE
+    for chain in read_chains(path, robot):
         why = difference(chain, robot)
         if not why:
             return chain

@@ -34,7 +34,10 @@ def _joint(graph: Graph, robot: Robot, j: int, q: Expression) -> Joint:
     revolute = bool(robot.revolute[j])
     length: Scalar = shift if revolute else q + shift
     c, s = _turned(graph, theta, q) if revolute else cos_sin(theta)
-    return Joint(ca, sa, c, s, (d, -sa * length, ca * length), revolute)
+    (cg, sg), b = cos_sin(float(robot.gamma[j])), float(robot.b[j])
+    x, y, z = d, -sa * length, ca * length
+    arm = cg * x - sg * y, sg * x + cg * y, z + b
+    return Joint(ca, sa, c, s, arm, revolute, robot.parents[j], cg, sg)
 
 
 def _turned(graph: Graph, theta: float, q: Expression) -> tuple[Scalar, Scalar]:
@@ -53,12 +56,12 @@ def count_whole_links(robot: Robot) -> Count:
     def symbols(name: str, size: int) -> list[Expression]:
         return [graph.symbol(f"{name}{k}") for k in range(size)]
 
-    chain = []
+    tree = []
     for j, revolute in enumerate(robot.revolute.tolist()):
         ca, sa, c, s, x, y, z = symbols(f"frame{j}_", 7)
-        chain.append(Joint(ca, sa, c, s, (x, y, z), revolute))
+        tree.append(Joint(ca, sa, c, s, (x, y, z), revolute, robot.parents[j]))
     bodies = [symbols(f"body{j}_", 10) for j in range(n)]
     earth = 0.3, 0.4, -9.8  # along no axis of the base frame
-    found = rigid_bodies(chain, bodies, symbols("qd", n), symbols("qdd", n), earth)
+    found = rigid_bodies(tree, bodies, symbols("qd", n), symbols("qdd", n), earth)
     operations = count([graph.lift(each) for each in found])
     return operations._replace(functions=2 * int(robot.revolute.sum()))

@@ -33,9 +33,11 @@ class SimulatedJoint:
     Attributes
     ----------
     name, link : str
+    parent : int
+        Index of the joint that carries this one; -1 for the base.
     revolute : bool
     before : ndarray, shape (4, 4)
-        Pose of the link's frame in the previous link's frame, at q = 0.
+        Pose of the link's frame in the parent's frame, at q = 0.
     axis : ndarray, shape (3,)
         Axis in the link's frame.
     lower, upper, velocity, effort : float
@@ -51,6 +53,7 @@ class SimulatedJoint:
 
     name: str
     link: str
+    parent: int
     revolute: bool
     before: Array
     axis: Array
@@ -83,7 +86,7 @@ class SimulatedJoint:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class SimulatedRobot:
-    """Chain of joints.
+    """Chain or tree of joints.
 
     Attributes
     ----------
@@ -135,6 +138,7 @@ def simulated_robot(model: Model, chain: UrdfChain | None = None) -> SimulatedRo
             SimulatedJoint(
                 name=each.name,
                 link=each.link,
+                parent=robot.parents[axis],
                 revolute=bool(robot.revolute[axis]),
                 before=each.before,
                 axis=each.axis,

@@ -47,6 +47,8 @@ if TYPE_CHECKING:
 
 INERTIA = {f"i{'xyz'[i]}{'xyz'[j]}": (i, j) for i, j in zip(*np.triu_indices(3), strict=True)}
 """Attributes of an <inertia>, in the order of standard parameters, with their indices."""
+NO_CHAIN = "the longest chain has fewer moving joints"
+NO_TREE = "a tree is found by the names of its joints, and the file lacks some of them"
 _ROUNDED = 1e-5
 """Tolerance for rounding, relative to the greatest moment; exporters write six digits."""
 
@@ -70,8 +72,8 @@ def given_urdf(path: Path | str, robot: Robot) -> Given:
         No chain has the frames of the robot.
     """
     reader = UrdfReader(path := Path(path))
-    whys = ["the longest chain has fewer moving joints"]
-    chains = _chains(reader, robot.n_joints)
+    whys = [NO_CHAIN if robot.is_chain else NO_TREE]
+    chains = _chains(reader, robot)
     for chain in sorted(chains, key=lambda each: np.array_equal(each.revolute, robot.revolute)):
         found = difference(chain, robot)
         if not found:
@@ -218,8 +220,17 @@ def _mass_and_inertia(
     return m, inertia
 
 
-def _chains(reader: UrdfReader, n_joints: int) -> Iterator[UrdfChain]:
-    """Yield all chains of `n_joints` moving joints that start and end with a moving joint."""
+def _chains(reader: UrdfReader, robot: Robot) -> Iterator[UrdfChain]:
+    """Yield all chains of as many moving joints that start and end with a moving joint.
+
+    A tree is found by the names of its joints.
+    """
+    if not robot.is_chain:
+        moved = reader.tips_of(robot)
+        if len(moved) == robot.n_joints:
+            yield reader.chain(None, moved)
+        return
+    n_joints = robot.n_joints
     for tip in reader.links:
         here, moving = tip, 0
         while moving < n_joints and here in reader.above:
@@ -229,7 +240,7 @@ def _chains(reader: UrdfReader, n_joints: int) -> Iterator[UrdfChain]:
                 break
             here, moving = edge.parent, moving + turns
         if moving == n_joints:
-            yield reader.chain(here, tip)
+            yield reader.chain(here, [tip])
 
 
 UNLIMITED = 1e6
@@ -256,8 +267,8 @@ def _own(robot: SimulatedRobot) -> tuple[ET.Element, list[str]]:
     if turned is not None:
         root.insert(0, ET.Element("link", name="world"))
         _joint(root, "world_to_base", "fixed", ("world", robot.base), turned, np.zeros(3))
-    parent = robot.base
     for joint in robot.joints:
+        parent = robot.joints[joint.parent].link if joint.parent >= 0 else robot.base
         link = ET.SubElement(root, "link", name=joint.link)
         link.append(_inertial(joint))
         kind = "revolute" if joint.revolute else "prismatic"
@@ -266,7 +277,6 @@ def _own(robot: SimulatedRobot) -> tuple[ET.Element, list[str]]:
         ET.SubElement(made, "axis", xyz=numbers(joint.axis))
         ET.SubElement(made, "limit", _limits(joint))
         _set_dynamics(made, joint)
-        parent = joint.link
     return root, list(_missing_limits(robot))
 
 

@@ -206,6 +206,9 @@ def _differences(robot: Robot, plant: Plant) -> Iterator[tuple[Place, str]]:
             " of the plant that was measured",
         )
         return
+    if not robot.is_chain:
+        yield (("axes",), "are a chain, and the robot is a tree; virtual plants have no branches")
+        return
     if not np.allclose(plant.gravity, robot.gravity, atol=ROUNDED_OFF, rtol=0):
         yield (
             ("gravity",),

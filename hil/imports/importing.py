@@ -19,7 +19,7 @@ from hil.imports.one_map import OneMap, import_one
 from hil.imports.readers import KNOWN
 from hil.model.drive_train_file import UNKNOWN
 from hil.model.readers.robot_draft import NOT_TAKEN
-from hil.model.robot import Robot, available_robots, parse_robot, robot_from_urdf
+from hil.model.robot import Robot, available_robots, load_description, parse_robot
 from hil.planning.plan import PlannedRobot, RecordedMotions
 from hil.runs.atomic_file import own_folder, whole_folder, write_file
 from hil.runs.journal import Journal, Session, now, write_journal
@@ -232,7 +232,7 @@ def robot_of(the_map: MapFile) -> Robot:
         if path is None or stated.urdf is None:
             robot = Robot.load(path or name)
         else:
-            robot = robot_from_urdf(path, stated.base, stated.tip, stated.gravity)
+            robot = load_description(path, stated.base, stated.tip, stated.gravity)
     except (FileError, UnknownName) as error:
         raise the_map.wrong(("robot",), str(error)) from error
     return _add_statements(the_map, robot)

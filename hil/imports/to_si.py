@@ -18,6 +18,7 @@ import numpy as np
 from checked_files.yaml_file import FileError
 from hil.imports.tables import JOINT_TYPES, ROWS, SECONDS, STAMP_UNITS, position_factor
 from hil.model.readers.urdf import read_urdf
+from hil.model.robot import DESCRIPTIONS
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -245,9 +246,16 @@ def _refuse_unfit(the_map: MapFile, robot: Robot) -> None:
 
 
 def _shorter_chain(the_map: MapFile, robot: Robot) -> str:
-    """Return the remedy for a chain of a URDF that goes on beyond the recorded joints."""
+    """Return the remedy for a chain or tree that goes on beyond the recorded joints."""
     n, stated = len(the_map.content.joints), the_map.content.robot
-    if not 0 < n < robot.n_joints or Path(robot.source).suffix != ".urdf":
+    if not 0 < n < robot.n_joints or Path(robot.source).suffix not in DESCRIPTIONS:
+        return ""
+    if not robot.is_chain:
+        return (
+            "; for a part of this tree name its last links: robot: {urdf: "
+            f"{stated.urdf or stated.name}, to: LINK}}, several in quotes, separated by commas"
+        )
+    if Path(robot.source).suffix != ".urdf":
         return ""
     link = read_urdf(robot.source, stated.base, stated.tip).joints[n - 1].link
     base = f"from: {stated.base}, " if stated.base else ""

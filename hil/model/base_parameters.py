@@ -1,15 +1,15 @@
 """Base parameters: minimal set of parameters of the torques, with readable expressions.
 
-The ten standard parameters of each link cannot all be distinguished by motion. From the tip down
-each link transfers parameters to the previous link (`hil.model.transfer`): Gautier and Khalil's
-regrouping, analytic and for any serial chain of revolute and prismatic joints. Each remaining
-standard parameter heads a base parameter, in the order of eq. (5). Then the sparsity of the robot
-file is applied: absent parameters vanish and tied parameters merge. Base parameters that are now
-linearly dependent are dropped, those without a present head first. Absent parameters do not change
-the set of possible torques, so the values of base parameters may be assigned to their heads, with
-all other standard parameters zero: `BaseParameters.placement`. Finally parameters of drives and
-springs are added (`hil.model.added_parameters`): one equivalent to link parameters merges with
-them, the others are base parameters of their own.
+The ten standard parameters of each link cannot all be distinguished by motion. From the tips down
+each link transfers parameters to its parent (`hil.model.transfer`): Gautier and Khalil's
+regrouping, analytic and for any tree of revolute and prismatic joints. Each remaining standard
+parameter heads a base parameter, in the order of eq. (5). Then the sparsity of the robot file is
+applied: absent parameters vanish and tied parameters merge. Base parameters that are now linearly
+dependent are dropped, those without a present head first. Absent parameters do not change the set
+of possible torques, so the values of base parameters may be assigned to their heads, with all other
+standard parameters zero: `BaseParameters.placement`. Finally parameters of drives and springs are
+added (`hil.model.added_parameters`): one equivalent to link parameters merges with them, the others
+are base parameters of their own.
 
 Every result is checked against a numeric rank of M(q) and g(q) in all standard parameters.
 """
@@ -162,12 +162,13 @@ def link_share(robot: Robot, link: int) -> tuple[str, ...]:
 
 def _regroup(robot: Robot) -> tuple[list[int], list[Combination]]:
     """Return head and combination of every base parameter of the full robot, in standard order."""
-    found = transfers(robot)
-    received: list[Combination] = [{} for _ in range(10)]
+    found, one = transfers(robot), Polynomial.constant(1.0)
+    bodies: list[list[Combination]] = [
+        [{10 * link + k: one} for k in range(10)] for link in range(robot.n_joints)
+    ]
     rows: list[tuple[int, Combination]] = []
-    one = Polynomial.constant(1.0)
     for link in reversed(range(robot.n_joints)):
-        body = [add({10 * link + k: one}, received[k]) for k in range(10)]
+        body, parent = bodies[link], robot.parents[link]
         directions, given = found[link]
         removed = combine(directions.T, [body[k] for k in given])
         rows += [
@@ -175,7 +176,9 @@ def _regroup(robot: Robot) -> tuple[list[int], list[Combination]]:
             for k in range(10)
             if k not in given
         ]
-        received = combine(parameter_map(robot.symbolic_link_pose(link)), removed)
+        if parent >= 0:
+            received = combine(parameter_map(robot.symbolic_link_pose(link)), removed)
+            bodies[parent] = [add(*each) for each in zip(bodies[parent], received, strict=True)]
     rows.sort(key=lambda row: row[0])
     return [head for head, _ in rows], [row for _, row in rows]
 

@@ -1,9 +1,9 @@
 """Capsule geometry of the links, for collision avoidance.
 
 A capsule is a segment in the link's frame with a radius. A robot file may state it; otherwise the
-segment leads from the link's own origin to that of the next joint, the last link is a sphere about
-its origin, and the radius is `DEFAULT_RADIUS`. The default follows the frames, not the castings:
-measure the links of a real robot, tools and cables included.
+segment leads from the link's own origin to that of the next joint (the first one in a tree), a last
+link is a sphere about its origin, and the radius is `DEFAULT_RADIUS`. The default follows the
+frames, not the castings: measure the links of a real robot, tools and cables included.
 
 `reach` bounds the motion of a link per motion of a joint. With only joint j turning, no point of a
 link's segment moves farther than its distance from that joint's axis times the angle, and the
@@ -69,9 +69,9 @@ def capsules(robot: Robot) -> Capsules:
 def link_reaches(robot: Robot) -> Array:
     """Compute the radius about the base origin that contains a link's capsule (n_links,) [m]."""
     shapes = capsules(robot)
-    joints = np.cumsum([np.hypot(*_offset(robot, joint)) for joint in range(robot.n_joints)])
+    joints = [sum(_length(robot, k) for k in robot.path(link)) for link in range(robot.n_joints)]
     ends: Array = np.linalg.norm(shapes.ends, axis=-1).max(axis=-1)
-    return joints + ends + shapes.radii
+    return np.array(joints) + ends + shapes.radii
 
 
 def segments(robot: Robot, q: Array) -> Array:
@@ -83,9 +83,10 @@ def segments(robot: Robot, q: Array) -> Array:
         Configurations [rad or m].
     """
     ends = capsules(robot).ends
-    rotation, origin = np.tile(np.eye(3), (len(q), 1, 1)), np.zeros((len(q), 3))
+    frames = {-1: (np.tile(np.eye(3), (len(q), 1, 1)), np.zeros((len(q), 3)))}
     placed = np.empty((len(q), robot.n_joints, 2, 3))
-    for link in range(robot.n_joints):
+    for link, parent in enumerate(robot.parents):
+        rotation, origin = frames[parent]
         pose, about = robot.link_pose(link), q[:, link] + robot.theta[link]
         if robot.revolute[link]:
             origin = origin + rotation @ pose[:3, 3]
@@ -96,27 +97,35 @@ def segments(robot: Robot, q: Array) -> Array:
             shift = pose[:3, 3] + q[:, link, None] * pose[:3, 2]
             origin = origin + np.einsum("nij,nj->ni", rotation, shift)
             rotation = rotation @ pose[:3, :3]
+        frames[link] = rotation, origin
         placed[:, link] = origin[:, None] + ends[link] @ rotation.swapaxes(-1, -2)
     return placed
 
 
 def _default(robot: Robot, link: int) -> Array:
-    if link + 1 == robot.n_joints:
+    following = robot.next_link(link)
+    if following is None:
         return np.zeros((2, 3))
-    return np.array([[0.0, 0.0, 0.0], robot.link_pose(link + 1)[:3, 3]])
+    return np.array([[0.0, 0.0, 0.0], robot.link_pose(following)[:3, 3]])
 
 
 def _reach(robot: Robot, ends: Array, link: int, joint: int) -> float:
-    if joint > link:
+    if joint not in (path := robot.path(link)):
         return 0.0
     if not robot.revolute[joint]:
         return 1.0
     if joint == link:
         return float(np.hypot(ends[:, 0], ends[:, 1]).max())
-    between = sum(float(np.hypot(*_offset(robot, k))) for k in range(joint + 2, link + 1))
-    along, beside = _offset(robot, joint + 1)
-    first = float(np.hypot(along, beside * np.sin(robot.alpha[joint + 1])))
+    following, *outer = path[path.index(joint) + 1 :]
+    between = sum(_length(robot, k) for k in outer)
+    along, beside = _offset(robot, following)
+    first = float(np.hypot(along, beside * np.sin(robot.alpha[following])))
     return first + between + float(np.linalg.norm(ends, axis=1).max())
+
+
+def _length(robot: Robot, joint: int) -> float:
+    """Return the maximum distance of a frame's origin from its parent's [m]."""
+    return float(np.hypot(*_offset(robot, joint))) + abs(float(robot.b[joint]))
 
 
 def _offset(robot: Robot, joint: int) -> tuple[float, float]:

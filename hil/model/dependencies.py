@@ -21,7 +21,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from hil.model.added_parameters import added_inertias, added_loads
-from hil.model.frames import ROUNDED_OFF, UNIT_INERTIAS, adjoint, frame_pose, inverse, joint_motion
+from hil.model.frames import ROUNDED_OFF, UNIT_INERTIAS, adjoint, inverse, joint_motion
 
 if TYPE_CHECKING:
     from hil.arrays import Array, Mask
@@ -92,8 +92,10 @@ def influences(robot: Robot) -> tuple[Array, Array]:
     gravity : array, shape (n_configurations, n_joints, n_standard)
     """
     random = np.random.default_rng(22)
-    # 12 random configurations, although one would suffice
-    configurations = random.uniform(-np.pi, np.pi, (12, robot.n_joints))
+    # one would suffice for occurrence; for the rank, an element of M with parameters that no other
+    # element shows needs as many as it has, and each branch has its own
+    number = 12 * len(robot.last_links)
+    configurations = random.uniform(-np.pi, np.pi, (number, robot.n_joints))
     found = [_influences_at(robot, q) for q in configurations]
     added = np.moveaxis(added_inertias(robot), 0, -1)
     mass = [np.concatenate([each, added], axis=-1) for each, _ in found]
@@ -105,22 +107,16 @@ def influences(robot: Robot) -> tuple[Array, Array]:
 def _influences_at(robot: Robot, q: Array) -> tuple[Array, Array]:
     n = robot.n_joints
     mass, gravity = np.zeros((n, n, 10 * n)), np.zeros((n, 10 * n))
-    axes = np.zeros((n, 6))
-    upward = np.concatenate([np.zeros(3), -robot.gravity])
-    for link in range(n):
-        into = adjoint(inverse(_pose_at(robot, link, q[link])))
-        axes, upward = axes @ into.T, into @ upward
+    base = np.zeros((n, 6)), np.concatenate([np.zeros(3), -robot.gravity])
+    placed = {-1: base}
+    for link, parent in enumerate(robot.parents):
+        into = adjoint(inverse(robot.pose_at(link, q[link])))
+        axes, upward = placed[link] = placed[parent][0] @ into.T, into @ placed[parent][1]
         axes[link] = joint_motion(bool(robot.revolute[link]))[1]
         own = slice(10 * link, 10 * link + 10)
         mass[:, :, own] = np.einsum("ax,kxy,by->abk", axes, UNIT_INERTIAS, axes)
         gravity[:, own] = np.einsum("ax,kxy,y->ak", axes, UNIT_INERTIAS, upward)
     return mass, gravity
-
-
-def _pose_at(robot: Robot, link: int, q: float) -> Array:
-    turn, shift = (q, 0.0) if robot.revolute[link] else (0.0, q)
-    theta, r = robot.theta[link] + turn, robot.r[link] + shift
-    return frame_pose(robot.alpha[link], robot.d[link], theta, r)
 
 
 def _occurs(coefficients: Array) -> Mask:

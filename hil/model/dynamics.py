@@ -98,10 +98,13 @@ def regressors(
     moved = [_samples(robot, q, *each) for each in rates]
     at = moved[0][0]
     every = np.empty((len(moved), at.size // robot.n_joints, rows.size, model.kinds.size))
+    tree = model.frames, model.parents
     pull = robot.gravity if gravity is None else np.ascontiguousarray(gravity, dtype=np.float64)
     for part, states in _chunks(model, at, [each[1:] for each in moved]):
         for state, flat in zip(states, every[:, part], strict=True):
-            _recursion.columns(state, model.chain, pull, model.kinds, model.links, rows, flat)
+            _recursion.columns(
+                state, *tree, pull, model.kinds, model.links, model.place[rows], flat
+            )
     found = []
     for flat, (_, _, qdd) in zip(every, moved, strict=True):
         A = flat if model.mixing is None else flat @ model.mixing
@@ -178,14 +181,18 @@ _WEIGHTLESS = np.zeros(3)
 class _Model:
     """Robot constants for the recursion.
 
-    `mixing` is set if a base parameter is placed on several standard parameters. `added` are the
-    indices of added parameters that are base parameters of their own, the last base parameters.
+    A frame that starts with gamma and b is two joints for the recursion, the first one at rest;
+    `place` are the indices of the robot's joints among them. `mixing` is set if a base parameter is
+    placed on several standard parameters. `added` are the indices of added parameters that are base
+    parameters of their own, the last base parameters.
     """
 
-    chain: Array
+    frames: Array
+    parents: Integers
     theta: Array
     shift: Array
     revolute: Array
+    place: Integers
     kinds: Integers
     links: Integers
     placement: Array
@@ -201,16 +208,28 @@ def _model(robot: Robot) -> _Model:
     placement = every[:n_links, : every.shape[1] - len(added)]
     carriers = np.flatnonzero(placement.any(axis=1)).astype(np.int64)
     carried = placement[carriers]
-    revolute = robot.revolute.astype(np.float64)
-    alpha = np.array([cos_sin(angle) for angle in robot.alpha])
+    rows: list[tuple[float, ...]] = []
+    parents: list[int] = []
+    place = [-1] * (robot.n_joints + 1)  # the base is the last
+    own = zip(robot.alpha, robot.d, robot.theta, robot.r, robot.revolute, strict=True)
+    for joint, row in enumerate(own):
+        parents.append(place[robot.parents[joint]])
+        if any(about_z := (robot.gamma[joint], robot.b[joint])):
+            rows.append((0.0, 0.0, *about_z, 1.0))
+            parents.append(len(parents) - 1)
+        place[joint] = len(rows)
+        rows.append(row)
+    alpha, d, theta, shift, revolute = np.array(rows).T.copy()
     plain = np.array_equal(carried, np.eye(carriers.size))
     return _Model(
-        chain=np.column_stack([alpha, robot.d, revolute]),
-        theta=robot.theta,
-        shift=robot.r,
+        frames=np.column_stack([[cos_sin(angle) for angle in alpha], d, revolute]),
+        parents=np.array(parents, dtype=np.int64),
+        theta=theta,
+        shift=shift,
         revolute=revolute,
+        place=(placed := np.array(place[:-1], dtype=np.int64)),
         kinds=carriers % 10,
-        links=carriers // 10,
+        links=placed[carriers // 10],
         placement=carried,
         mixing=None if plain else carried,
         added=added,
@@ -239,11 +258,13 @@ def _torques(
         raise ValueError(f"p has shape {p.shape}; {robot.name} has {n_base} base parameters")
     moved = [_samples(robot, q, *each) for each in rates]
     at = moved[0][0]
-    values = model.placement @ p[:n_links]
-    every = np.zeros((len(moved), at.size // robot.n_joints, robot.n_joints))
+    values, tree = model.placement @ p[:n_links], (model.frames, model.parents)
+    every = np.zeros((len(moved), at.size // robot.n_joints, model.revolute.size))
     for part, states in _chunks(model, at, [each[1:] for each in moved]):
         for state, flat in zip(states, every[:, part], strict=True):
-            _recursion.torques(state, model.chain, gravity, model.kinds, model.links, values, flat)
+            _recursion.torques(state, *tree, gravity, model.kinds, model.links, values, flat)
+    if model.place.size < model.revolute.size:
+        every = every[..., model.place]
     if n_added:
         own = p[n_links:]
         accelerated = np.tensordot(own, model.inertias, 1)
@@ -282,13 +303,22 @@ def _chunks(
     model: _Model, q: Array, rates: Sequence[tuple[Array, Array]]
 ) -> Iterator[tuple[slice, Iterator[Any]]]:
     """Yield chunks of the samples, with states for all `rates` as arguments of the recursion."""
-    n_joints = model.revolute.size
-    q = q.reshape(-1, n_joints)
-    flat = [(qd.reshape(-1, n_joints), qdd.reshape(-1, n_joints)) for qd, qdd in rates]
+    q = _spread(model, q)
+    flat = [(_spread(model, qd), _spread(model, qdd)) for qd, qdd in rates]
     states = _components if _recursion is recursion_by_arrays else _states
     for first in range(0, len(q), _CHUNK):
         part = slice(first, first + _CHUNK)
         yield part, states(model, q[part], [(qd[part], qdd[part]) for qd, qdd in flat])
+
+
+def _spread(model: _Model, x: Array) -> Array:
+    """Spread values of joints over all frames, shape (n_samples, n_frames)."""
+    x = x.reshape(-1, model.place.size)
+    if model.place.size == model.revolute.size:
+        return x
+    found = np.zeros((len(x), model.revolute.size))
+    found[:, model.place] = x
+    return found
 
 
 def _states(model: _Model, q: Array, rates: Sequence[tuple[Array, Array]]) -> Iterator[Array]:

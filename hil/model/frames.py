@@ -1,9 +1,11 @@
 """Frames in modified Denavit-Hartenberg notation, and transformations between frames.
 
-Frame j results from frame j-1 by a rotation alpha and shift d about x, then a rotation theta and
-shift r about z (Khalil and Kleinfinger 1986); joint j moves about or along its own z. The pose
-determines the maps of velocities (angular, linear) and of a body's ten standard parameters. Entries
-are numbers or, for readable expressions, polynomials in named lengths.
+Frame j results from its parent's frame by a rotation alpha and shift d about x, then a rotation
+theta and shift r about z (Khalil and Kleinfinger 1986); joint j moves about or along its own z. In
+a tree the x axis of the parent's frame leads to one child; other frames start with a rotation gamma
+and a shift b about the parent's z. The pose determines the maps of velocities (angular, linear) and
+of a body's ten standard parameters. Entries are numbers or, for readable expressions, polynomials
+in named lengths.
 """
 
 from __future__ import annotations
@@ -54,8 +56,10 @@ def cos_sin(angle: float) -> tuple[float, float]:
     return math.cos(angle), math.sin(angle)
 
 
-def frame_pose(alpha: float, d: Any, theta: float, r: Any) -> NDArray[Any]:
-    """Compute the pose of a frame in the previous frame; lengths may be polynomials."""
+def frame_pose(
+    alpha: float, d: Any, theta: float, r: Any, gamma: float = 0.0, b: Any = 0.0
+) -> NDArray[Any]:
+    """Compute the pose of a frame in its parent's frame; lengths may be polynomials."""
     ca, sa = cos_sin(alpha)
     ct, st = cos_sin(theta)
     rows = [
@@ -64,7 +68,8 @@ def frame_pose(alpha: float, d: Any, theta: float, r: Any) -> NDArray[Any]:
         [sa * st, sa * ct, ca, r * ca],
         [0.0, 0.0, 0.0, 1.0],
     ]
-    return np.array(rows, dtype=object if isinstance(d, Polynomial) else np.float64)
+    pose = np.array(rows, dtype=object if isinstance(d, Polynomial) else np.float64)
+    return frame_pose(0.0, 0.0 * d, gamma, b) @ pose if gamma or b else pose
 
 
 def joint_motion(revolute: bool) -> tuple[Array, Array]:

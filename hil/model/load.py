@@ -69,8 +69,15 @@ def load_columns(robot: Robot) -> LoadColumns:
     Raises
     ------
     NoLoad
-        The robot file states no parameter of the last link affected by a load.
+        The robot file states no parameter of the last link affected by a load, or the robot is a
+        tree.
     """
+    if not robot.is_chain:
+        raise NoLoad(
+            f"{robot.name}: has {len(robot.last_links)} last links, and a load is identified at "
+            "the one of a chain; record both runs with the branch of the load alone: its chain "
+            "between --from and --to, or from and to of a map"
+        )
     own = slice(10 * (robot.n_joints - 1), 10 * robot.n_joints)
     names = robot.link_parameters[own]
     carriers = [name for name in names if name in robot.present and name not in robot.ties]

@@ -6,10 +6,10 @@ moment s and inertia I about the origin needs::
 
     f = m a + U s    n = I u + w x I w + s x a
 
-and the origin of the next frame, at p, accelerates by a + U p. Written with the elements of U, the
-moment n costs few operations (after Khalil and Kleinfinger, IEEE J. Robotics and Automation 3,
-1987: base parameters make most of the rest vanish). An inward pass sums the forces and moments of
-the outer links.
+and the origin of a frame carried by it, at p, accelerates by a + U p. Written with the elements of
+U, the moment n costs few operations (after Khalil and Kleinfinger, IEEE J. Robotics and Automation
+3, 1987: base parameters make most of the rest vanish). An inward pass sums the forces and moments
+of the outer links. Links form a tree; a chain is the tree without branches.
 
 A scalar is anything with addition and multiplication. `Exact` values of 0 and 1, from right angles
 and joints at rest, are never computed with: for arrays that saves most of the time.
@@ -64,14 +64,14 @@ class Exact(float):
         return other + -self if self else other
 
 
-ZERO = Exact(0.0)
+ZERO, ONE = Exact(0.0), Exact(1.0)
 STILL: Vector = (ZERO, ZERO, ZERO)
-_ALONG: Vector = (ZERO, ZERO, Exact(1.0))
+_ALONG: Vector = (ZERO, ZERO, ONE)
 
 
 @dataclass(frozen=True, slots=True)
 class Joint:
-    """Frame of a joint relative to the previous frame, at the joint's position.
+    """Frame of a joint relative to its parent's frame, at the joint's position.
 
     Attributes
     ----------
@@ -80,8 +80,12 @@ class Joint:
     c, s : scalar
         Cosine and sine of the rotation about the joint's axis.
     arm : vector
-        Origin of the frame in the previous frame [m].
+        Origin of the frame in the parent's frame [m].
     revolute : bool
+    parent : int
+        Index of the parent, lower than the joint's own; -1 for the base.
+    cg, sg : scalar
+        Cosine and sine of gamma.
     """
 
     ca: Scalar
@@ -90,6 +94,9 @@ class Joint:
     s: Scalar
     arm: Vector
     revolute: bool
+    parent: int
+    cg: Scalar = ONE
+    sg: Scalar = ZERO
 
     @property
     def axis(self) -> tuple[Vector, Vector]:
@@ -97,25 +104,27 @@ class Joint:
         return (_ALONG, STILL) if self.revolute else (STILL, _ALONG)
 
     def rotate_in(self, x: Vector) -> Vector:
-        """Rotate a vector from the previous frame into the joint's frame."""
-        h = self.ca * x[1] + self.sa * x[2]
+        """Rotate a vector from the parent's frame into the joint's frame."""
+        along, across = self.cg * x[0] + self.sg * x[1], self.cg * x[1] - self.sg * x[0]
+        h = self.ca * across + self.sa * x[2]
         return (
-            self.c * x[0] + self.s * h,
-            self.c * h - self.s * x[0],
-            self.ca * x[2] - self.sa * x[1],
+            self.c * along + self.s * h,
+            self.c * h - self.s * along,
+            self.ca * x[2] - self.sa * across,
         )
 
     def rotate_out(self, x: Vector) -> Vector:
-        """Rotate a vector from the joint's frame into the previous frame."""
+        """Rotate a vector from the joint's frame into the parent's frame."""
         h = self.s * x[0] + self.c * x[1]
+        along, across = self.c * x[0] - self.s * x[1], self.ca * h - self.sa * x[2]
         return (
-            self.c * x[0] - self.s * x[1],
-            self.ca * h - self.sa * x[2],
+            self.cg * along - self.sg * across,
+            self.sg * along + self.cg * across,
             self.sa * h + self.ca * x[2],
         )
 
     def carry(self, axis: tuple[Vector, Vector]) -> tuple[Vector, Vector]:
-        """Transform a previous joint's axis, angular and linear, into the joint's frame."""
+        """Transform the axis of a joint before, angular and linear, into the joint's frame."""
         turn, slide = axis
         return self.rotate_in(turn), self.rotate_in(plus(slide, cross(turn, self.arm)))
 
@@ -132,12 +141,13 @@ class Motion(NamedTuple):
 
 
 def motions(
-    chain: Sequence[Joint], qd: Sequence[Scalar], qdd: Sequence[Scalar], gravity: Sequence[float]
+    tree: Sequence[Joint], qd: Sequence[Scalar], qdd: Sequence[Scalar], gravity: Sequence[float]
 ) -> Iterator[Motion]:
     """Yield the motion of every link; parameters as in `rigid_bodies`."""
-    w, u, U = STILL, STILL, (STILL, STILL, STILL)
     a: Vector = (Exact(-gravity[0]), Exact(-gravity[1]), Exact(-gravity[2]))
-    for joint, v, dv in zip(chain, qd, qdd, strict=True):
+    found = {-1: Motion(STILL, STILL, a, (STILL, STILL, STILL), STILL, STILL)}
+    for link, (joint, v, dv) in enumerate(zip(tree, qd, qdd, strict=True)):
+        w, u, a, U, _, _ = found[joint.parent]
         a = joint.rotate_in(plus(a, _times(U, joint.arm)))
         w, u = joint.rotate_in(w), joint.rotate_in(u)
         if joint.revolute:
@@ -145,13 +155,12 @@ def motions(
             w = (w[0], w[1], w[2] + v)
         else:
             a = (a[0] + 2.0 * (w[1] * v), a[1] - 2.0 * (w[0] * v), a[2] + dv)
-        moved = _motion_from_rates(w, u, a)
-        U = moved.U
-        yield moved
+        found[link] = _motion_from_rates(w, u, a)
+        yield found[link]
 
 
 def rigid_bodies(
-    chain: Sequence[Joint],
+    tree: Sequence[Joint],
     bodies: Sequence[Sequence[Scalar]],
     qd: Sequence[Scalar],
     qdd: Sequence[Scalar],
@@ -161,7 +170,8 @@ def rigid_bodies(
 
     Parameters
     ----------
-    chain : sequence of Joint
+    tree : sequence of Joint
+        Joints after their parents.
     bodies : sequence of ten scalars each, shape (n_joints, 10)
         Parameters of each link in the order of eq. (4).
     qd, qdd : sequence of scalars
@@ -169,15 +179,17 @@ def rigid_bodies(
     gravity : three floats
         In the base frame [m/s^2].
     """
-    moved = motions(chain, qd, qdd, gravity)
+    moved = motions(tree, qd, qdd, gravity)
     needs = [wrench(body, each) for body, each in zip(bodies, moved, strict=True)]
-    force, moment = STILL, STILL
+    needs.append((STILL, STILL))  # of the base, at index -1
     torques: list[Scalar] = []
-    for joint, (f, n) in zip(reversed(chain), reversed(needs), strict=True):
-        force, moment = plus(f, force), plus(n, moment)
+    for link in reversed(range(len(tree))):
+        joint, (force, moment) = tree[link], needs[link]
         torques.append(moment[2] if joint.revolute else force[2])
         force, moment = joint.rotate_out(force), joint.rotate_out(moment)
         moment = plus(moment, cross(joint.arm, force))
+        own = needs[joint.parent]
+        needs[joint.parent] = plus(own[0], force), plus(own[1], moment)
     return torques[::-1]
 
 

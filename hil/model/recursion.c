@@ -2,7 +2,8 @@
 
 For each sample the pass carries from link to link the motion of the frame (angular velocity w,
 angular acceleration u, acceleration a of the origin less gravity) and, seen in that frame, the axes
-of the joints before. The wrench about the origin that one unit of a standard parameter needs to
+of the joints that move it: all joints before in a chain, those on the way from the base in a tree,
+where each further branch goes on from a copy. The wrench about the origin that one unit of a standard parameter needs to
 follow that motion is
 
     inertia I        n = I u + w x I w    f = 0
@@ -17,8 +18,8 @@ same way but weighs the wrenches of a link with given values before the product.
 Samples go through in blocks of LANES, a vector per component. Nothing is reordered or contracted,
 so each processor gives the same bits, and those of hil/model/recursion_by_arrays.py. `state` has
 the shape (5, n, joints): cosine and sine of the angle about each joint's axis, shift along it,
-velocity, acceleration; `chain` (joints, 4): cos(alpha), sin(alpha), d, 1 for a revolute or 0 for a
-prismatic joint. */
+velocity, acceleration; `frames` (joints, 4): cos(alpha), sin(alpha), d, 1 for a revolute or 0 for a
+prismatic joint; `parents` (joints): the joint that carries each one, before it, or -1. */
 
 #include <stdint.h>
 #include <stdlib.h>
@@ -43,7 +44,7 @@ PART V all(double x) { return x - (V){0}; }
 
 PART V product(const Vector *a, const Vector *b) { return a->x * b->x + a->y * b->y + a->z * b->z; }
 
-/* Turn a vector of frame j-1 into frame j. */
+/* Turn a vector of the parent's frame into the joint's own. */
 PART Vector turned(double ca, double sa, const Joint *now, const Vector *v) {
     V h = ca * v->y + sa * v->z;
     return (Vector){now->c * v->x + now->s * h, now->c * h - now->s * v->x, ca * v->z - sa * v->y};
@@ -117,7 +118,7 @@ PART Joint gathered(const double *state, int64_t n, int64_t joints, int64_t firs
     return now;
 }
 
-/* Go from link to link: turn the motion into its frame, add the joint's own. */
+/* Go from a parent to a link: turn the motion into its frame, add the joint's own. */
 PART void carry_motion(const double *joint, const Joint *now, Motion *m) {
     double ca = joint[0], sa = joint[1], d = joint[2], revolute = joint[3];
     Vector w = m->w, u = m->u;
@@ -153,6 +154,54 @@ PART Motion at_rest(const double *gravity) {
     memset(&m, 0, sizeof m);
     m.a = (Vector){all(-gravity[0]), all(-gravity[1]), all(-gravity[2])};
     return m;
+}
+
+/* Of each link, the base at index -1: the number of those `rows` that move it, these rows, and whether
+   another branch goes on from it later, from the copy in `kept`. */
+typedef struct {
+    int chain;
+    int64_t n_rows, *moving, *paths, *forks;
+    V *kept;
+} Tree;
+
+#define SIZE_OF_COPY(n_rows) (9 + 6 * (n_rows))
+#define SIZE_OF_TREE(joints, n_rows) ((joints + 1) * (SIZE_OF_COPY(n_rows) + 2 + (n_rows)))
+
+PART int is_chain(const int64_t *parents, int64_t joints) {
+    int64_t link = 0;
+    while (link < joints && parents[link] == link - 1) link++;
+    return link == joints;
+}
+
+PART Tree tree_in(V *memory, int chain, const int64_t *parents, const int64_t *rows, int64_t joints,
+                  int64_t n_rows) {
+    V *kept = memory + SIZE_OF_COPY(n_rows);
+    int64_t *moving = (int64_t *)(memory + (joints + 1) * SIZE_OF_COPY(n_rows)) + 1;
+    Tree tree = {chain, n_rows, moving, moving + 2 * joints + 1, moving + joints + 1, kept};
+    if (chain) return tree;
+    memset(moving - 1, 0, 2 * (joints + 1) * sizeof *moving);
+    for (int64_t link = 0, row = 0; link < joints; link++) {
+        int64_t parent = parents[link], count = moving[parent], *path = tree.paths + link * n_rows;
+        memcpy(path, tree.paths + parent * n_rows, count * sizeof *path);
+        if (!rows || (row < n_rows && rows[row] == link)) path[count++] = row++;
+        moving[link] = count;
+        tree.forks[parent] |= parent + 1 < link;
+    }
+    return tree;
+}
+
+PART void keep(const Tree *tree, int64_t link, const Motion *motion, const Axis *axes) {
+    if (tree->chain || !tree->forks[link]) return;
+    V *copy = tree->kept + link * SIZE_OF_COPY(tree->n_rows);
+    memcpy(copy, motion, sizeof *motion);
+    memcpy(copy + 9, axes, tree->moving[link] * sizeof *axes);
+}
+
+PART void restore(const Tree *tree, int64_t link, Motion *motion, Axis *axes) {
+    if (tree->chain) return;
+    const V *copy = tree->kept + link * SIZE_OF_COPY(tree->n_rows);
+    memcpy(motion, copy, sizeof *motion);
+    memcpy(axes, copy + 9, tree->moving[link] * sizeof *axes);
 }
 
 /* Moment and force that one unit of a standard parameter of place `kind` in eq. (4) needs. */
@@ -202,39 +251,55 @@ PART void scatter(const V *tile, int64_t size, int64_t count, double *out) {
         for (int64_t i = 0; i < count; i++) out[i * size + m] = tile[m][i];
 }
 
-/* Torque on the joints `rows` (rising) per unit of standard parameters, into out (n, rows, columns).
-   `kinds`, `links`: place in eq. (4) and link of each column; links never decrease. Returns 0, or 1
-   where memory is short. */
-FOR_ANY_PROCESSOR
-int columns(const double *state, const double *chain, const double *gravity, const int64_t *kinds,
-            const int64_t *links, const int64_t *rows, int64_t n, int64_t joints, int64_t n_columns,
-            int64_t n_rows, double *out) {
-    int64_t size = n_rows * n_columns;
+/* The pass over all samples: columns, or with `values` torques on all joints (`rows` is null). */
+PART int pass(int chain, const double *state, const double *frames, const int64_t *parents,
+              const double *gravity, const int64_t *kinds, const int64_t *links,
+              const int64_t *rows, const double *values, int64_t n, int64_t joints,
+              int64_t n_columns, int64_t n_rows, double *out) {
+    int64_t each = values ? 1 : n_columns, size = n_rows * each;
+    size_t needed = size + 6 * n_rows + SIZE_OF_TREE(joints, n_rows);
     V *tile;
-    if (posix_memalign((void **)&tile, sizeof(V), (size + 6 * n_rows) * sizeof(V))) return 1;
+    if (posix_memalign((void **)&tile, sizeof(V), needed * sizeof(V))) return 1;
     Axis *axes = (Axis *)(tile + size);
-    memset(tile, 0, size * sizeof(V));  /* a joint knows nothing of the links before it */
+    Tree tree = tree_in(tile + size + 6 * n_rows, chain, parents, rows, joints, n_rows);
+    memset(tile, 0, size * sizeof(V));  /* a joint knows nothing of links that it does not move */
     for (int64_t first = 0; first < n; first += LANES) {
         int64_t count = n - first < LANES ? n - first : LANES, column = 0, moving = 0;
         Motion motion = at_rest(gravity);
+        if (values) memset(tile, 0, size * sizeof(V));
+        keep(&tree, -1, &motion, axes);
         for (int64_t link = 0; link < joints; link++) {
-            const double *joint = chain + 4 * link;
+            const double *frame = frames + 4 * link;
+            const int64_t parent = parents[link], *path = tree.paths + link * n_rows;
             Joint now = gathered(state, n, joints, first, count, link);
-            carry_motion(joint, &now, &motion);
-            for (int64_t k = 0; k < moving; k++) carry_axis(joint, &now, axes + k);
-            if (moving < n_rows && rows[moving] == link) axes[moving++] = new_axis(joint[3]);
+            if (!chain && parent + 1 < link) restore(&tree, parent, &motion, axes);
+            if (!chain) moving = tree.moving[parent];
+            if (chain && !rows) moving = link;
+            carry_motion(frame, &now, &motion);
+            for (int64_t k = 0; k < moving; k++) carry_axis(frame, &now, axes + k);
+            if (!rows || (chain ? moving < n_rows && rows[moving] == link : moving < tree.moving[link]))
+                axes[moving++] = new_axis(frame[3]);
+            keep(&tree, link, &motion, axes);
+            Axis total;
+            memset(&total, 0, sizeof total);
             for (; column < n_columns && links[column] == link; column++) {
                 Vector moment, force;
                 unit_wrench(kinds[column], &motion, &moment, &force);
-                V *at = tile + column;
-                if (kinds[column] < 6)
-                    for (int64_t k = 0; k < moving; k++)
-                        at[k * n_columns] = product(&moment, &axes[k].turn);
-                else
-                    for (int64_t k = 0; k < moving; k++)
-                        at[k * n_columns] =
-                            product(&moment, &axes[k].turn) + product(&force, &axes[k].slide);
+                if (values) {
+                    double value = values[column];
+                    total.turn.x += value * moment.x, total.turn.y += value * moment.y;
+                    total.turn.z += value * moment.z, total.slide.x += value * force.x;
+                    total.slide.y += value * force.y, total.slide.z += value * force.z;
+                } else
+                    for (int64_t k = 0; k < moving; k++) {
+                        V torque = product(&moment, &axes[k].turn);
+                        if (kinds[column] >= 6) torque += product(&force, &axes[k].slide);
+                        tile[(chain ? k : path[k]) * n_columns + column] = torque;
+                    }
             }
+            for (int64_t k = 0; values && k < moving; k++)
+                tile[chain ? k : path[k]] +=
+                    product(&total.turn, &axes[k].turn) + product(&total.slide, &axes[k].slide);
         }
         scatter(tile, size, count, out + first * size);
     }
@@ -242,39 +307,24 @@ int columns(const double *state, const double *chain, const double *gravity, con
     return 0;
 }
 
+/* Torque on the joints `rows` (rising) per unit of standard parameters, into out (n, rows, columns).
+   `kinds`, `links`: place in eq. (4) and link of each column; links never decrease. Returns 0, or 1
+   where memory is short. */
+FOR_ANY_PROCESSOR
+int columns(const double *state, const double *frames, const int64_t *parents, const double *gravity,
+            const int64_t *kinds, const int64_t *links, const int64_t *rows, int64_t n,
+            int64_t joints, int64_t n_columns, int64_t n_rows, double *out) {
+    return is_chain(parents, joints)
+        ? pass(1, state, frames, parents, gravity, kinds, links, rows, 0, n, joints, n_columns, n_rows, out)
+        : pass(0, state, frames, parents, gravity, kinds, links, rows, 0, n, joints, n_columns, n_rows, out);
+}
+
 /* Torque on all joints with standard parameters of given `values`, into out (n, joints). */
 FOR_ANY_PROCESSOR
-int torques(const double *state, const double *chain, const double *gravity, const int64_t *kinds,
-            const int64_t *links, const double *values, int64_t n, int64_t joints,
-            int64_t n_columns, double *out) {
-    V *tile;
-    if (posix_memalign((void **)&tile, sizeof(V), 7 * joints * sizeof(V))) return 1;
-    Axis *axes = (Axis *)(tile + joints);
-    for (int64_t first = 0; first < n; first += LANES) {
-        int64_t count = n - first < LANES ? n - first : LANES, column = 0;
-        Motion motion = at_rest(gravity);
-        memset(tile, 0, joints * sizeof(V));
-        for (int64_t link = 0; link < joints; link++) {
-            const double *joint = chain + 4 * link;
-            Joint now = gathered(state, n, joints, first, count, link);
-            carry_motion(joint, &now, &motion);
-            for (int64_t k = 0; k < link; k++) carry_axis(joint, &now, axes + k);
-            axes[link] = new_axis(joint[3]);
-            Axis total;
-            memset(&total, 0, sizeof total);
-            for (; column < n_columns && links[column] == link; column++) {
-                Vector moment, force;
-                unit_wrench(kinds[column], &motion, &moment, &force);
-                double value = values[column];
-                total.turn.x += value * moment.x, total.turn.y += value * moment.y;
-                total.turn.z += value * moment.z, total.slide.x += value * force.x;
-                total.slide.y += value * force.y, total.slide.z += value * force.z;
-            }
-            for (int64_t k = 0; k <= link; k++)
-                tile[k] += product(&total.turn, &axes[k].turn) + product(&total.slide, &axes[k].slide);
-        }
-        scatter(tile, joints, count, out + first * joints);
-    }
-    free(tile);
-    return 0;
+int torques(const double *state, const double *frames, const int64_t *parents, const double *gravity,
+            const int64_t *kinds, const int64_t *links, const double *values, int64_t n,
+            int64_t joints, int64_t n_columns, double *out) {
+    return is_chain(parents, joints)
+        ? pass(1, state, frames, parents, gravity, kinds, links, 0, values, n, joints, n_columns, joints, out)
+        : pass(0, state, frames, parents, gravity, kinds, links, 0, values, n, joints, n_columns, joints, out);
 }

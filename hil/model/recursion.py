@@ -20,7 +20,8 @@ if TYPE_CHECKING:
 
 def columns(
     state: Array,
-    chain: Array,
+    frames: Array,
+    parents: Integers,
     gravity: Array,
     kinds: Integers,
     links: Integers,
@@ -34,8 +35,10 @@ def columns(
     state : array, shape (5, n_samples, n_joints)
         Cosine and sine of the angle about each joint's axis, shift along it, velocity,
         acceleration.
-    chain : array, shape (n_joints, 4)
+    frames : array, shape (n_joints, 4)
         cos(alpha), sin(alpha), d, and 1 for a revolute or 0 for a prismatic joint.
+    parents : int array, shape (n_joints,)
+        Indices of the joints that carry each joint, lower than its own; -1 for the base.
     gravity : array, shape (3,)
         Gravity in the base frame [m/s^2].
     kinds, links : int arrays, shape (n_columns,)
@@ -45,13 +48,14 @@ def columns(
     out : array, shape (n_samples, n_rows, n_columns)
         Output array.
     """
-    arrays = state, chain, gravity, kinds, links, rows
+    arrays = state, frames, parents, gravity, kinds, links, rows
     _call(_LIBRARY.columns, arrays, (*state.shape[1:], kinds.size, rows.size), out)
 
 
 def torques(
     state: Array,
-    chain: Array,
+    frames: Array,
+    parents: Integers,
     gravity: Array,
     kinds: Integers,
     links: Integers,
@@ -63,7 +67,7 @@ def torques(
     Parameters are those of `columns`; `values` has the shape (n_columns,) and `out` (n_samples,
     n_joints).
     """
-    arrays = state, chain, gravity, kinds, links, values
+    arrays = state, frames, parents, gravity, kinds, links, values
     _call(_LIBRARY.torques, arrays, (*state.shape[1:], kinds.size), out)
 
 

@@ -24,7 +24,8 @@ _UNITS = [[Exact(value) for value in unit] for unit in np.eye(10).tolist()]
 
 def columns(
     state: Sequence[Sequence[Scalar]],
-    chain: Array,
+    frames: Array,
+    parents: Integers,
     gravity: Array,
     kinds: Integers,
     links: Integers,
@@ -38,19 +39,21 @@ def columns(
     state : sequence
         For each joint cosine and sine of the angle about its axis, shift along it, velocity and
         acceleration: each an array of shape (n_samples,) or a number.
-    chain, gravity, kinds, links, rows, out
+    frames, parents, gravity, kinds, links, rows, out
         As in `hil.model.recursion.columns`.
     """
     out[:] = 0.0
-    joints, qd, qdd = _unpack(state, chain)
-    axes: list[tuple[Vector, Vector]] = []
+    joints, qd, qdd = _unpack(state, frames, parents)
+    row_of = {link: row for row, link in enumerate(rows.tolist())}
+    axes: dict[int, dict[int, tuple[Vector, Vector]]] = {-1: {}}
     for link, motion in enumerate(motions(joints, qd, qdd, gravity.tolist())):
-        axes = [joints[link].carry(axis) for axis in axes]
-        if link in rows:
-            axes.append(joints[link].axis)
-        for column in np.flatnonzero(links == link).tolist() if axes else ():
+        joint = joints[link]
+        axes[link] = {row: joint.carry(axis) for row, axis in axes[joint.parent].items()}
+        if link in row_of:
+            axes[link][row_of[link]] = joint.axis
+        for column in np.flatnonzero(links == link).tolist() if axes[link] else ():
             force, moment = wrench(_UNITS[kinds[column]], motion)
-            for row, (turn, slide) in enumerate(axes):
+            for row, (turn, slide) in axes[link].items():
                 power = dot(moment, turn) + dot(force, slide)
                 if power is not ZERO:
                     out[:, row, column] = power
@@ -58,7 +61,8 @@ def columns(
 
 def torques(
     state: Sequence[Sequence[Scalar]],
-    chain: Array,
+    frames: Array,
+    parents: Integers,
     gravity: Array,
     kinds: Integers,
     links: Integers,
@@ -69,23 +73,24 @@ def torques(
 
     Parameters are those of `columns`; `out` has the shape (n_samples, n_joints) and must be zero.
     """
-    bodies: list[list[Scalar]] = [[ZERO] * 10 for _ in chain]
+    bodies: list[list[Scalar]] = [[ZERO] * 10 for _ in frames]
     for kind, link, value in zip(kinds, links, values.tolist(), strict=True):
         bodies[link][kind] = Exact(value)
-    joints, qd, qdd = _unpack(state, chain)
+    joints, qd, qdd = _unpack(state, frames, parents)
     for link, torque in enumerate(rigid_bodies(joints, bodies, qd, qdd, gravity.tolist())):
         out[:, link] = torque
 
 
 def _unpack(
-    state: Sequence[Sequence[Scalar]], chain: Array
+    state: Sequence[Sequence[Scalar]], frames: Array, parents: Integers
 ) -> tuple[list[Joint], list[Scalar], list[Scalar]]:
     """Return joints, velocities and accelerations, with numbers as `Exact`."""
     joints, rates = [], []
-    for (ca, sa, d, revolute), now in zip(chain.tolist(), state, strict=True):
+    for frame, parent, now in zip(frames.tolist(), parents.tolist(), state, strict=True):
+        ca, sa, d, revolute = map(Exact, frame)
         c, s, shift, *rate = (Exact(x) if isinstance(x, float) else x for x in now)
-        arm = Exact(d), Exact(-sa) * shift, Exact(ca) * shift
-        joints.append(Joint(Exact(ca), Exact(sa), c, s, arm, bool(revolute)))
+        arm = d, -sa * shift, ca * shift
+        joints.append(Joint(ca, sa, c, s, arm, bool(revolute), parent))
         rates.append(rate)
     qd, qdd = zip(*rates, strict=True)
     return joints, list(qd), list(qdd)

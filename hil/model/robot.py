@@ -88,7 +88,8 @@ class Robot(RobotArrays):
             `available_robots`.
         base, tip : str, optional
             First and last link of the URDF, or body of the MJCF; by default those of the chain with
-            the most moving joints.
+            the most moving joints, or all of a tree with several such chains. Several last links
+            are separated by commas.
         gravity : sequence of three floats, optional
             Gravity in the link `base` of the URDF [m/s^2], by default that of the earth along -z of
             its root; or in the world of the MJCF, by default that of the file.
@@ -109,12 +110,12 @@ class Robot(RobotArrays):
         """
         path = Path(path)
         if path.suffix.lower() in DESCRIPTIONS:
-            return _load_description(path, base, tip, gravity)
+            return load_description(path, base, tip, gravity)
         if path.suffix not in {".yaml", ".yml"} and len(path.parts) == 1 and not path.is_file():
             path = _find_built_in(str(path))
         if (text := read_text(path)).lstrip().startswith("<"):
             # XML in a file with another ending
-            return _load_description(path, base, tip, gravity)
+            return load_description(path, base, tip, gravity)
         if any(each is not None for each in (base, tip, gravity)):
             raise InvalidValue(
                 f"{path}: is not a URDF, and states its chain itself; omit base, tip and gravity"
@@ -261,10 +262,13 @@ load_robot = Robot.load
 """Deprecated name of `Robot.load`, from before version 0.2."""
 
 
-def _load_description(
+def load_description(
     path: Path, base: str | None, tip: str | None, gravity: Sequence[float] | None
 ) -> Robot:
-    """Create a robot from a URDF or an MJCF, according to the root of the file."""
+    """Create a robot from a URDF or an MJCF, according to the root of the file.
+
+    Parameters and errors are those of `Robot.load`.
+    """
     if XmlFile(path).root.tag != "mujoco":
         return robot_from_urdf(path, base, tip, gravity)
     from hil.model.readers.mjcf import read_mjcf  # noqa: PLC0415 - MuJoCo is an extra
@@ -279,13 +283,13 @@ def robot_from_urdf(
     tip: str | None = None,
     gravity: Sequence[float] | None = None,
 ) -> Robot:
-    """Create a robot from the chain between two links of a URDF.
+    """Create a robot from the chain between two links of a URDF, or a tree.
 
     Parameters
     ----------
     path : path
     base, tip : str, optional
-        Names of links; by default those of the chain with the most moving joints.
+        Names of links, as in `Robot.load`.
     gravity : sequence of three floats, optional
         Gravity in the link `base` [m/s^2]; by default that of the earth along -z of the URDF's
         root.
@@ -375,6 +379,7 @@ def _find_built_in(name: str) -> Path:
 
 def wrong_names(robot: RobotArrays) -> Iterator[Problem]:
     """Yield problems of names in a robot file: place and description."""
+    yield from _wrong_parents(robot)
     yield from _unknown_lengths(robot)
     yield from _wrong_ties(robot)
     yield from _wrong_couplings(robot)
@@ -399,11 +404,20 @@ def unknown_for_motion(robot: RobotArrays) -> Iterator[Problem]:
                 yield ("joints", j, "drive", key), _NEEDED
 
 
+def _wrong_parents(robot: RobotArrays) -> Iterator[Problem]:
+    for index, parent in enumerate(robot.parents):
+        if not -1 <= parent < index:
+            yield (
+                ("joints", index, "parent"),
+                f"{parent + 1} must be in 0..{index}: 0 for the base, or a joint stated before",
+            )
+
+
 def _unknown_lengths(robot: RobotArrays) -> Iterator[Problem]:
     known = robot.file.lengths
     for index in range(robot.n_joints):
-        for key in ("d", "r"):
-            expression = (robot.d_expressions if key == "d" else robot.r_expressions)[index]
+        for key in ("b", "d", "r"):
+            expression = getattr(robot, f"{key}_expressions")[index]
             for name in sorted(expression.names - set(known)):
                 names = f"known are {', '.join(known)}" if known else "none are named"
                 yield ("joints", index, "frame", key), f"{name} is not a length; {names} in lengths"

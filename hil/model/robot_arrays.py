@@ -115,6 +115,33 @@ class RobotArrays:
         units = dict.fromkeys(self.position_unit(axis) for axis in range(self.n_joints))
         return " or ".join(units)
 
+    @cached_property
+    def parents(self) -> tuple[int, ...]:
+        """Indices of the joints that carry each joint, from 0; -1 for the base."""
+        stated = (joint.parent for joint in self.file.joints)
+        return tuple((n if each is None else each) - 1 for n, each in enumerate(stated))
+
+    @property
+    def is_chain(self) -> bool:
+        """True if no link carries two joints."""
+        return self.parents == tuple(range(-1, self.n_joints - 1))
+
+    def path(self, link: int) -> tuple[int, ...]:
+        """Return the links from the base to a link, itself included, from 0."""
+        parent = self.parents[link]
+        return (*self.path(parent), link) if parent >= 0 else (link,)
+
+    def next_link(self, link: int) -> int | None:
+        """Return the first link that a link carries (from 0), or None."""
+        return self.parents.index(link) if link in self.parents else None
+
+    @property
+    def last_links(self) -> tuple[int, ...]:
+        """Links that carry no other, from 0."""
+        return tuple(link for link in range(self.n_joints) if self.next_link(link) is None)
+
+    gamma = _per_joint(lambda joint: joint.frame.gamma or 0.0)
+    """Angles about the parents' z axes, before those about x [rad]."""
     alpha = _per_joint(lambda joint: joint.frame.alpha)
     """Angles between successive axes [rad]."""
     theta = _per_joint(lambda joint: joint.frame.theta)
@@ -129,6 +156,16 @@ class RobotArrays:
     def r(self) -> Array:
         """Shifts along the axes; offsets of prismatic joints' q [m]."""
         return read_only([length.evaluate(self.file.lengths) for length in self.r_expressions])
+
+    @cached_property
+    def b(self) -> Array:
+        """Shifts along the parents' z axes [m]."""
+        return read_only([length.evaluate(self.file.lengths) for length in self.b_expressions])
+
+    @cached_property
+    def b_expressions(self) -> tuple[Polynomial, ...]:
+        """Polynomials of `b` in named lengths."""
+        return tuple(parse(joint.frame.b or "0") for joint in self.file.joints)
 
     @cached_property
     def d_expressions(self) -> tuple[Polynomial, ...]:
@@ -216,22 +253,30 @@ class RobotArrays:
         return read_only(self.gear_ratio[:, np.newaxis] * turns)
 
     def link_pose(self, joint: int) -> Array:
-        """Return the pose of frame j in j-1, at q_j + theta_j = 0 (revolute) or q_j = 0."""
-        return self._pose(joint, self.d[joint], self.r[joint])
+        """Return the pose of frame j in its parent's at q_j = -theta_j, or 0 if prismatic."""
+        return self._pose(joint, self.d[joint], self.r[joint], self.b[joint])
 
     def symbolic_link_pose(self, joint: int) -> NDArray[np.object_]:
         """Return `link_pose` with polynomials in named lengths as entries."""
-        pose = self._pose(joint, self.d_expressions[joint], self.r_expressions[joint])
+        lengths = self.d_expressions, self.r_expressions, self.b_expressions
+        pose = self._pose(joint, *(each[joint] for each in lengths))
         lifted = [x if isinstance(x, Polynomial) else Polynomial.constant(x) for x in pose.flat]
         return np.array(lifted, dtype=object).reshape(4, 4)
 
     def zero_pose(self, joint: int) -> Array:
-        """Return the pose of frame j in frame j-1 at q_j = 0, shape (4, 4)."""
-        return frame_pose(self.alpha[joint], self.d[joint], self.theta[joint], self.r[joint])
+        """Return the pose of frame j in its parent's at q_j = 0, shape (4, 4)."""
+        return self.pose_at(joint, 0.0)
 
-    def _pose(self, joint: int, d: Any, r: Any) -> NDArray[Any]:
+    def pose_at(self, joint: int, q: float) -> Array:
+        """Return the pose of frame j in its parent's at q_j, shape (4, 4)."""
+        turn, shift = (q, 0.0) if self.revolute[joint] else (0.0, q)
+        theta, r = self.theta[joint] + turn, self.r[joint] + shift
+        about_z = self.gamma[joint], self.b[joint]
+        return frame_pose(self.alpha[joint], self.d[joint], theta, r, *about_z)
+
+    def _pose(self, joint: int, d: Any, r: Any, b: Any) -> NDArray[Any]:
         theta = 0.0 if self.revolute[joint] else self.theta[joint]
-        return frame_pose(self.alpha[joint], d, theta, r)
+        return frame_pose(self.alpha[joint], d, theta, r, self.gamma[joint], b)
 
     @cached_property
     def link_parameters(self) -> tuple[str, ...]:

@@ -25,7 +25,7 @@ LINK_PARAMETERS: tuple[LinkParameter, ...] = get_args(LinkParameter)
 """Parameters of a link in the order of eq. (4): inertia about the origin, first moment, mass."""
 
 MOST_JOINTS = 30
-"""Maximum number of joints of a chain; the cost of the equations grows with the cube."""
+"""Maximum number of joints; the cost of the equations grows with the cube."""
 EARTH = (0.0, 0.0, -9.81)
 """Gravity at an upright base [m/s^2]."""
 MAX_RANGE = {"revolute": 20.0, "prismatic": 20.0}
@@ -49,6 +49,8 @@ class Joint(FileModel):
         Name as in the URDF, for the reader; not part of the robot's digest.
     type : {"revolute", "prismatic"}
         Type of q: an angle [rad] or a displacement [m].
+    parent : int, optional
+        Joint that carries this one, from 1, or 0 for the base; by default the joint before.
     parameters : tuple of str
         Link parameters present in the model, by default all ten; the others are zero or negligible.
     q_min, q_max : float
@@ -66,6 +68,7 @@ class Joint(FileModel):
 
     name: str | None = None
     type: Literal["revolute", "prismatic"] = "revolute"
+    parent: int | None = None
     frame: Frame
     parameters: tuple[LinkParameter, ...] = LINK_PARAMETERS
     q_min: float
@@ -229,11 +232,14 @@ Angle = Annotated[float, BeforeValidator(_angle)]
 
 
 class Frame(FileModel):
-    """Frame j in frame j-1: rotation alpha and shift d about x, rotation theta and shift r about z.
+    """Frame j in its parent's: rotation alpha, shift d about x; rotation theta, shift r about z.
 
-    ``q`` adds to theta of a revolute joint, to r of a prismatic one.
+    ``q`` adds to theta of a revolute joint, to r of a prismatic one. Further children of a link
+    start with rotation gamma and shift b about the parent's z.
     """
 
+    gamma: Angle | None = None
+    b: Expression | None = None
     alpha: Angle
     d: Expression = "0"
     theta: Angle = 0.0

@@ -1,24 +1,25 @@
-"""Transfer of link parameters to the previous link without a change of torque.
+"""Transfer of link parameters to the link before without a change of torque.
 
-A change of the standard parameters of links j and j-1 has no effect on torques if it leaves the
-kinetic energy, and the potential energy up to a constant, unchanged for every motion. From the tip
-down this splits into one question per joint: which changes delta of link j's ten parameters (i) are
-invisible to the joint's own rate, and (ii) look the same to all motions of link j-1 at every q_j?
-These changes form the space T_j. Link j-1 cancels a change in T_j if the change, expressed in frame
-j-1, is subtracted from its parameters. For a revolute joint T_j always contains m, sz and Ixx =
-Iyy, for a prismatic one the whole inertia: the general rules of Gautier and Khalil (IEEE Trans.
-Robotics and Automation 6, 1990). Their special rules apply where the previous links cannot move
-freely (parallel axes, axes along gravity, prismatic joints before the second revolute direction):
-there T_j is larger.
+A change of the standard parameters of link j and its parent i has no effect on torques if it leaves
+the kinetic energy, and the potential energy up to a constant, unchanged for every motion. From the
+tips down this splits into one question per joint: which changes delta of link j's ten parameters
+(i) are invisible to the joint's own rate, and (ii) look the same to all motions of link i at every
+q_j? These changes form the space T_j. Link i cancels a change in T_j if the change, expressed in
+frame i, is subtracted from its parameters. Other children of link i do not matter, since their
+terms depend on their own joints. For a revolute joint T_j always contains m, sz and Ixx = Iyy, for
+a prismatic one the whole inertia: the general rules of Gautier and Khalil (IEEE Trans. Robotics and
+Automation 6, 1990). Their special rules apply where the previous links cannot move freely (parallel
+axes, axes along gravity, prismatic joints before the second revolute direction): there T_j is
+larger.
 
 The observable part of link j is the span D_j of linear functionals of its parameters: the energies'
 terms. Motion of joint j multiplies parameters by exp(q L), so spans over all q are Krylov spaces of
 L, and the infinite set of configurations needs only finitely many conditions (Wensing, Niemeyer,
 Slotine, Int. J. Robotics Research 43, 2024)::
 
-    V_j = span over q of (velocities of link j-1 seen in frame j), and the joint's own axis s
-    D_j = span over q of (D_(j-1) seen in frame j), and v' I(.) s for all v in V_j
-    T_j = {delta : d L exp(q L) delta = 0 for all d in D_(j-1), q;  v' I(delta) s = 0 for v in V_j}
+    V_j = span over q of (velocities of link i seen in frame j), and the joint's own axis s
+    D_j = span over q of (D_i seen in frame j), and v' I(.) s for all v in V_j
+    T_j = {delta : d L exp(q L) delta = 0 for all d in D_i, q;  v' I(delta) s = 0 for v in V_j}
 
 with D_0 the potential energy of a body at the base. Velocities are (angular, linear).
 """
@@ -59,11 +60,12 @@ def transfers(robot: Robot) -> list[tuple[Array, list[int]]]:
     given : list of int
         Parameters transferred from link j.
     """
-    velocities = np.zeros((0, 6))
     felt = np.zeros((1, 10))
-    felt[0, 6:9] = robot.gravity
+    felt[0, 6:9] = robot.gravity / max(float(np.linalg.norm(robot.gravity)), ROUNDED_OFF)
+    spans = {-1: (np.zeros((0, 6)), felt)}
     found = []
-    for joint in range(robot.n_joints):
+    for joint, parent in enumerate(robot.parents):
+        velocities, felt = spans[parent]
         pose = robot.link_pose(joint)
         generator, axis = joint_motion(bool(robot.revolute[joint]))
         velocities = _krylov(velocities @ adjoint(inverse(pose)).T, adjoint_rate(generator).T)
@@ -72,7 +74,7 @@ def transfers(robot: Robot) -> list[tuple[Array, list[int]]]:
         felt = _krylov(felt @ parameter_map(pose), rate)
         own = np.array([v @ UNIT_INERTIAS @ axis for v in velocities])
         found.append(_echelon(_null_space(np.vstack([felt @ rate, own]))))
-        felt = _span(np.vstack([felt, own]))
+        spans[joint] = velocities, _span(np.vstack([felt, own]))
     return found
 
 
@@ -87,20 +89,18 @@ def _krylov(rows: Array, step: Array) -> Array:
 
 
 def _span(rows: Array) -> Array:
-    """Compute an orthonormal basis of the rows' span."""
-    norms = np.linalg.norm(rows, axis=1)
-    rows = rows[norms > ROUNDED_OFF] / norms[norms > ROUNDED_OFF, None]
-    if not len(rows):
-        return rows
+    """Compute an orthonormal basis of the rows' span.
+
+    The rows stay unscaled: of orthonormal functionals, small ones are rounding errors.
+    """
     _, values, basis = np.linalg.svd(rows, full_matrices=False)
-    spanning: Array = basis[values > ROUNDED_OFF * values[0]]
+    spanning: Array = basis[values > ROUNDED_OFF * values.max(initial=0.0)]
     return spanning
 
 
 def _null_space(rows: Array) -> Array:
     """Compute an orthonormal basis of the null space of `rows`, as rows."""
-    space = _span(rows)
-    return np.linalg.svd(space)[2][len(space) :]
+    return np.linalg.svd(rows)[2][len(_span(rows)) :]
 
 
 def _echelon(basis: Array) -> tuple[Array, list[int]]:

@@ -40,6 +40,9 @@ class MujocoArm:
         (text,) = write_mjcf(bodies, ()).files.values()
         self._model = mujoco.MjModel.from_xml_string(text)
         self._model.jnt_limited[:] = 0
+        names = (f"joint{number}" for number in range(1, model.robot.n_joints + 1))
+        # MuJoCo goes through a tree branch by branch
+        self._order = np.array([self._model.joint(name).qposadr[0] for name in names])
 
     def run(self, starts: Sequence[Start], drive: Drive) -> list[Array]:
         """Simulate like `hil.simulation.arm.Arm.run`."""
@@ -49,8 +52,8 @@ class MujocoArm:
         self, drive: Drive, q: Array, qd: Array, time: Array, lost: Callable[[int, Array], bool]
     ) -> Array:
         mujoco, model = self._mujoco, self._model
-        data = mujoco.MjData(model)
-        data.qpos[:], data.qvel[:] = q, qd
+        data, order = mujoco.MjData(model), self._order
+        data.qpos[order], data.qvel[order] = q, qd
         found = np.full((len(time), len(q)), np.nan)
         found[0] = q
         for k, (begin, period) in enumerate(zip(time, np.diff(time), strict=False), start=1):
@@ -59,9 +62,10 @@ class MujocoArm:
             model.dof_solref[:, 1] = -IMPEDANCE / h
             for part in range(n):
                 middle = np.array([begin + (part + 0.5) * h])
-                data.qfrc_applied[:] = drive(middle, data.qpos[None], data.qvel[None])[0]
+                now = data.qpos[None, order], data.qvel[None, order]
+                data.qfrc_applied[order] = drive(middle, *now)[0]
                 mujoco.mj_step(model, data)
-            if not np.isfinite(data.qpos).all() or lost(k, data.qpos):
+            if not np.isfinite(data.qpos).all() or lost(k, data.qpos[order]):
                 break
-            found[k] = data.qpos
+            found[k] = data.qpos[order]
         return found

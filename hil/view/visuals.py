@@ -63,6 +63,7 @@ def _joint(robot: Robot, joint: int) -> dict[str, object]:
     shapes = capsules(robot)
     return {
         "revolute": bool(robot.revolute[joint]),
+        "parent": robot.parents[joint],
         "before": (robot.zero_pose(joint).ravel() + 0.0).tolist(),  # no -0.0
         "lower": float(robot.q_min[joint]),
         "upper": float(robot.q_max[joint]),
@@ -141,7 +142,7 @@ def visuals(urdf: Path, robot: Robot, meshes: Path | None = None) -> Visuals:
         Joints different from those of the robot.
     """
     reader = UrdfReader(urdf)
-    chain = reader.chain(None, None)
+    chain = reader.chain()
     _refuse_other(chain, robot, urdf)
     shapes: list[tuple[int, Array]] = []
     left_out = []

@@ -33,6 +33,18 @@ def _stated(value: object) -> object:
 Positive = Annotated[float, BeforeValidator(_stated), Field(gt=0)]
 
 
+def _refuse_tree(value: object) -> object:
+    if value is not None:
+        raise ValueError(
+            "the virtual plant moves a chain, and the robot is a tree; make a twin of one branch:"
+            " hil robot new --urdf FILE --to LINK"
+        )
+    return value
+
+
+OfTree = Annotated[None, BeforeValidator(_refuse_tree)]
+
+
 class RobotFrame(FileModel):
     """Modified Denavit-Hartenberg frame, as expressions in pi and named lengths."""
 
@@ -40,6 +52,8 @@ class RobotFrame(FileModel):
     d: Annotated[str, BeforeValidator(str)] = "0"
     theta: Annotated[str, BeforeValidator(str)] = "0"
     r: Annotated[str, BeforeValidator(str)] = "0"
+    gamma: OfTree = None
+    b: OfTree = None
 
 
 class RobotDrive(FileModel):
@@ -57,6 +71,7 @@ class RobotJoint(FileModel):
     """Joint with its link."""
 
     name: str | None = None
+    parent: OfTree = None
     type: Literal["revolute", "prismatic"] = "revolute"
     frame: RobotFrame
     parameters: tuple[str, ...] = LINK_PARAMETERS
@@ -129,7 +144,7 @@ class RobotDescription(FileModel):
         for number, joint in enumerate(joints, start=1):
             for key, text in joint.frame:
                 try:
-                    value_of(text, lengths)
+                    value_of(text or "0", lengths)
                 except ValueError as error:
                     raise ValueError(f"frame of joint {number}: {key}: {error}") from error
         return joints

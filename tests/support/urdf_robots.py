@@ -1,4 +1,13 @@
-"""URDFs of robots of two to seven axes: type, xyz, rpy and axis of each joint."""
+"""URDFs of robots of two to seven axes and of trees: type, xyz, rpy and axis of each joint."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    import numpy as np
 
 Joints = list[tuple[str, str, str, str]]
 H = "1.5707963267948966"
@@ -42,11 +51,69 @@ ROBOTS: dict[str, Joints] = {
 }
 
 
-def urdf(name: str, joints: Joints, *, rigid_link: bool = False) -> str:
+TREES: dict[str, tuple[Joints, tuple[int, ...]]] = {
+    "two arms": (
+        [
+            (REVOLUTE, "0 0 1", "0 0 0", "0 0 1"),
+            (REVOLUTE, "0 0.2 0.4", f"-{H} 0 0", "0 0 1"),
+            (REVOLUTE, "0 0 0.1", "0 0 0", "0 1 0"),
+            (REVOLUTE, "0.3 0 0", "0 0 0", "0 1 0"),
+            (REVOLUTE, "0 -0.2 0.4", f"{H} 0 0", "0 0 1"),
+            (REVOLUTE, "0 0 0.1", "0 0 0", "0 1 0"),
+            (REVOLUTE, "0.3 0 0", "0 0 0", "0 1 0"),
+        ],
+        (0, 1, 2, 3, 1, 5, 6),
+    ),
+    "hand": (
+        [
+            (PRISMATIC, "0 0 0.1", "0 0 0", "0 0 1"),
+            (REVOLUTE, "0.1 0 0", "0 0 0", "0 1 0"),
+            (REVOLUTE, "0 0 0.1", "0 0 0", "0 1 0"),
+            (REVOLUTE, "0 0.1 0", "0 0 0.3", "0 1 0"),
+            (REVOLUTE, "0 0 0.1", "0 0 0", "0 1 0"),
+            (REVOLUTE, "0.1 0 0.05", "0 0.2 -0.3", "0 1 0"),
+            (PRISMATIC, "0 0 0.1", "0 0 0", "0 1 0"),
+        ],
+        (0, 1, 2, 1, 4, 1, 6),
+    ),
+    "two legs on a stand": (
+        [
+            (REVOLUTE, "0 0.1 1", "0 0 0", "1 0 0"),
+            (REVOLUTE, "0 0 -0.1", "0 0 0", "0 1 0"),
+            (REVOLUTE, "0 -0.1 1", "0 0 0", "1 0 0"),
+            (REVOLUTE, "0 0 -0.1", "0 0 0", "0 1 0"),
+        ],
+        (0, 1, 0, 3),
+    ),
+}
+"""Trees: joints, and the number of the joint that carries each, 0 for the base."""
+
+
+def random_tree(rng: np.random.Generator) -> tuple[Joints, tuple[int, ...]]:
+    """Return a random tree of two to eight joints, many parallel or perpendicular."""
+
+    def words(choices: tuple[float, ...]) -> str:
+        return " ".join(repr(float(x)) for x in rng.choice(choices, 3))
+
+    n = int(rng.integers(2, 9))
+    kinds = rng.choice([REVOLUTE, REVOLUTE, PRISMATIC], n).tolist()
+    axes = rng.choice(["1 0 0", "0 1 0", "0 0 1", "0 0 -1", "0.3 1 -0.2"], n).tolist()
+    angles = 0.0, 0.0, float(H), -float(H), 0.4
+    joints = [
+        (k, words((0.0, 0.1, -0.2)), words(angles), a) for k, a in zip(kinds, axes, strict=True)
+    ]
+    return joints, tuple(int(rng.integers(max(0, k - 2), k + 1)) for k in range(n))
+
+
+def urdf(
+    name: str, joints: Joints, parents: Sequence[int] | None = None, *, rigid_link: bool = False
+) -> str:
     """Return a URDF of these joints: type, xyz, rpy, axis; links have arbitrary inertias."""
     lines = [f'<robot name="{name}">', '<link name="base"/>']
     parent = "base"
     for k, (kind, xyz, rpy, axis) in enumerate(joints, start=1):
+        if parents is not None:
+            parent = f"link{parents[k - 1]}" if parents[k - 1] else "base"
         place = f'<origin xyz="{xyz}" rpy="{rpy}"/>'
         if rigid_link and k == 2:
             lines += [

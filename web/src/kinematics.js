@@ -1,11 +1,12 @@
-// Frames of a chain: each joint has a constant pose in the previous frame, then turns about or
-// slides along its own z.
+// Frames of a chain or tree: each joint has a constant pose in its parent's frame (-1: the base),
+// then turns about or slides along its own z.
 import { Matrix4 } from 'three';
 
 export class Chain {
   constructor(joints) {
-    this.joints = joints.map(({ revolute, before }) => ({
+    this.joints = joints.map(({ revolute, parent, before }) => ({
       revolute,
+      parent,
       before: new Matrix4().set(...before),
     }));
     this.stands = joints.map(() => new Matrix4());
@@ -15,13 +16,12 @@ export class Chain {
 
   /** Place all frames; `stands` contains the joints' poses before their own motion. */
   place(q) {
-    let last = null;
-    this.joints.forEach(({ revolute, before }, j) => {
-      if (last) this.stands[j].multiplyMatrices(last, before);
+    this.joints.forEach(({ revolute, parent, before }, j) => {
+      if (parent >= 0) this.stands[j].multiplyMatrices(this.frames[parent], before);
       else this.stands[j].copy(before);
       if (revolute) this.motion.makeRotationZ(q[j]);
       else this.motion.makeTranslation(0, 0, q[j]);
-      last = this.frames[j].multiplyMatrices(this.stands[j], this.motion);
+      this.frames[j].multiplyMatrices(this.stands[j], this.motion);
     });
     return this.frames;
   }

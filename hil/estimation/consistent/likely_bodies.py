@@ -56,9 +56,9 @@ def ends_and_radius(robot: Robot, link: int) -> tuple[Array, Array, float]:
         return np.array(stated.ends[0]), np.array(stated.ends[1]), stated.radius
     reach = reach_of(robot)
     end = np.array([0.0, 0.0, 0.1 * reach])
-    if link + 1 < robot.n_joints:
-        pose = robot.link_pose(link + 1)
-        middle = 0.0 if robot.revolute[link + 1] else (robot.q_min + robot.q_max)[link + 1] / 2
+    if (following := robot.next_link(link)) is not None:
+        pose = robot.link_pose(following)
+        middle = 0.0 if robot.revolute[following] else (robot.q_min + robot.q_max)[following] / 2
         end = pose[:3, 3] + middle * pose[:3, 2]
     length = float(np.linalg.norm(end))
     return np.zeros(3), end, max(SLENDERNESS * length, STOUTEST * reach)
@@ -67,7 +67,9 @@ def ends_and_radius(robot: Robot, link: int) -> tuple[Array, Array, float]:
 def reach_of(robot: Robot) -> float:
     """Return the length of the stretched robot, at least `SHORTEST` [m]."""
     slides = np.where(robot.revolute, 0.0, np.maximum(np.abs(robot.q_min), np.abs(robot.q_max)))
-    return max(float(np.sum(np.hypot(robot.d, robot.r) + slides)), SHORTEST)
+    lengths = np.hypot(robot.d, robot.r) + slides + np.abs(robot.b)
+    reaches = (float(np.sum(lengths[list(robot.path(link))])) for link in robot.last_links)
+    return max(*reaches, SHORTEST)
 
 
 def _rod(begin: Array, end: Array, radius: float) -> Array:

@@ -364,14 +364,14 @@ def _gap_columns(
 
 
 def _load(rows: EvidenceRows) -> Iterator[tuple[Column, Array]]:
-    """Yield columns of the last link's missing parameters; of all parameters for a later load."""
+    """Yield columns of the last links' missing parameters; of all parameters for a later load."""
     robot, evidence = rows.robot, rows.evidence
-    complete = robot.free_links([robot.n_joints - 1])
+    complete = robot.free_links(robot.last_links)
     stated, all_of_it = base_parameters(robot), base_parameters(complete)
     names = [head for head in all_of_it.heads if head not in stated.heads]
     directions = np.eye(len(all_of_it))[:, [all_of_it.heads.index(name) for name in names]]
     if evidence.later is not None:
-        names = [f"{name}{robot.n_joints}" for name in LINK_PARAMETERS]
+        names = [f"{name}{link + 1}" for link in robot.last_links for name in LINK_PARAMETERS]
         every = [complete.standard_parameters.index(name) for name in names]
         directions = all_of_it.matrix[:, every]
     values = np.zeros((len(rows.q), len(names)))

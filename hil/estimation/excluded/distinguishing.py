@@ -255,7 +255,7 @@ class _Search:
         guard = self.plan.workspace
         robot = narrow_ranges(self.robot, guard)
         if any(cause == "load" for cause, _ in self.keys):
-            robot = robot.free_links([robot.n_joints - 1])
+            robot = robot.free_links(robot.last_links)
         return [measurement for _, measurement, _ in strokes(robot, guard, EACH)]
 
     def _products(self, measurement: ParameterMeasurement) -> Array:

@@ -196,7 +196,8 @@ def _robot(table: DhTable, name: str, notation: Notation) -> DhRobot:
     a, d = np.array([[row.a, row.d] for row in rows]).T * _metres(table)
     if notation == "standard":
         alpha, a = (np.concatenate([[0.0], column[:-1]]) for column in (alpha, a))
-    frames = Frames(alpha=alpha, d=a, theta=theta, r=d, base=np.eye(4))
+    zero, parents = np.zeros_like(a), tuple(range(-1, len(rows) - 1))
+    frames = Frames(alpha, a, theta, d, gamma=zero, b=zero, parents=parents, base=np.eye(4))
     joints = tuple(_make_joint(row, f"joint {k}", table) for k, row in enumerate(rows, start=1))
     return DhRobot(name, notation, joints, frames, float(np.max(np.abs(exact - stated))))
 

@@ -1,8 +1,8 @@
-"""Chain of joints from an MJCF file, compiled by MuJoCo.
+"""Joints of an MJCF file, a chain or a tree, compiled by MuJoCo.
 
 The compiler resolves defaults, classes, frames, angles in degrees and all orientations. Axes come
 from the compiled model; names of files and lines come from the text (`MjcfText`), whose bodies and
-joints are in the compiler's order. The chain is that of a URDF (`hil.model.readers.urdf`): the
+joints are in the compiler's order. Joints are those of a URDF (`hil.model.readers.urdf`): the
 frame of a joint has its origin at the joint's anchor and the body's directions; bodies without
 joints belong to the link below them.
 
@@ -24,15 +24,16 @@ from checked_files.yaml_file import FileError
 from hil.model.frames import inverse
 from hil.model.readers.limits import drop_placeholders
 from hil.model.readers.mjcf_text import MjcfText
-from hil.model.readers.urdf import PARALLELOGRAM, ROUNDED, UrdfChain, UrdfJoint
+from hil.model.readers.urdf import ENDS, PARALLELOGRAM, ROUNDED, UrdfChain, UrdfJoint, split_names
 from hil.model.robot_file import MOST_JOINTS
 from hil.optional_packages import needed_for
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator
+    from collections.abc import Iterator, Sequence
 
     from hil.arrays import Array, Indices
     from hil.model.readers.mjcf_text import Placed
+    from hil.model.robot_arrays import RobotArrays
 
 _REFUSED = {
     "freejoint": "a robot with a free base is not modelled: fix its base for the recording, and"
@@ -46,7 +47,7 @@ _REFUSED = {
 
 @dataclass(frozen=True, slots=True, eq=False)
 class MjcfChain(UrdfChain):
-    """Joints of a serial chain, with further contents of the MJCF file.
+    """Joints of a chain or tree, with further contents of the MJCF file.
 
     Attributes
     ----------
@@ -69,28 +70,31 @@ class MjcfChain(UrdfChain):
 
 
 def read_mjcf(path: str | Path, base: str | None = None, tip: str | None = None) -> MjcfChain:
-    """Read the chain between two bodies.
+    """Read the chain between two bodies, or the tree between a body and several.
 
     Parameters
     ----------
     path : path
     base, tip : str, optional
-        Names of bodies; by default the world, and the body at the end of the longest chain.
+        Names of bodies, several tips separated by commas; by default the world, and the body at the
+        end of the longest chain, or the whole tree if several chains are as long.
 
     Raises
     ------
     FileError
         The file is not an MJCF, MuJoCo does not compile it or is not installed, a body does not
-        exist, or the chain has a closed loop, a free joint or a ball joint.
+        exist, or there is a closed loop, a free joint or a ball joint.
     """
-    return _reader(Path(path)).chain(base, tip)
+    return _reader(Path(path)).chain(base, split_names(tip))
 
 
-def read_chains(path: Path, n_joints: int) -> Iterator[MjcfChain]:
-    """Yield every chain from the world with `n_joints` joints; errors as in `read_mjcf`."""
+def read_chains(path: Path, robot: RobotArrays) -> Iterator[MjcfChain]:
+    """Yield the chains from the world, or the tree, that may be `robot`; errors of `read_mjcf`."""
     reader = _reader(path)
-    for tip in reader.tips(n_joints):
-        yield reader.chain(None, tip)
+    chains = [[tip] for tip in reader.tips(robot.n_joints)]
+    tree = reader.tips_of(robot)
+    for tips in chains if robot.is_chain else [tree] if len(tree) == robot.n_joints else []:
+        yield reader.chain(None, tips)
 
 
 def _reader(path: Path) -> _Reader:
@@ -119,23 +123,29 @@ class _Reader:
     def name(self, body: int) -> str:
         return str(self.model.body(body).name) or f"body{body}"
 
-    def chain(self, base: str | None, tip: str | None) -> MjcfChain:
-        above = self._above(base, tip)
+    def chain(self, base: str | None, tips: Sequence[str]) -> MjcfChain:
+        within, tips = self._bodies(base, tips)
         for each in self.text.equalities:
             if each.element.tag in ("connect", "weld") and each.element.get("active") != "false":
                 raise each.wrong(f"<{each.element.tag}> closes a loop; {PARALLELOGRAM}")
-        joints, bodies, dofs, notes = [], [], [], []
-        here = np.eye(4)
-        for body in above:
+        joints: list[UrdfJoint] = []
+        parents, bodies, dofs, notes = [], [], [], []
+        start = int(self.model.body_parentid[within[0]])
+        place = {start: (-1, np.eye(4))}  # of a body: joint that moves it, pose in its frame
+        for body in within:
+            carrier, here = place[int(self.model.body_parentid[body])]
             here = here @ _pose(self.model.body_pos[body], self.model.body_quat[body])
             placed = self.text.bodies[body][1]
             first, number = int(self.model.body_jntadr[body]), int(self.model.body_jntnum[body])
             for k in range(number):
                 joint, before = self._joint(first + k, placed[k], body, here, last=k + 1 == number)
+                parents.append(carrier)
+                carrier = len(joints)
                 joints.append(joint)
                 bodies.append(body)
                 dofs.append(int(self.model.jnt_dofadr[first + k]))
                 here = before
+            place[body] = carrier, here
             if self.model.body_gravcomp[body]:
                 notes.append(
                     str(
@@ -146,8 +156,7 @@ class _Reader:
                 )
         if not 1 <= len(joints) <= MOST_JOINTS:
             raise FileError(
-                f"{self.text.path}: {len(joints)} joints in a chain must be 1 to {MOST_JOINTS};"
-                " name its last body with --to (tip of hil.Robot.load)"
+                f"{self.text.path}: {len(joints)} joints must be 1 to {MOST_JOINTS}; {ENDS}"
             )
         stiff = np.atleast_2d(self.model.jnt_stiffness.reshape(self.model.njnt, -1))
         springs = [
@@ -155,8 +164,8 @@ class _Reader:
         ]
         limited, unknown = drop_placeholders(joints)
         return MjcfChain(
-            robot=_model_name(self.text), base=base or "world", tip=self.name(above[-1]),
-            joints=limited, after=np.eye(4), rounded=0.0, mount=np.eye(3), tilting="",
+            robot=_model_name(self.text), base=base or "world", tip=", ".join(tips),
+            joints=limited, parents=tuple(parents), rounded=0.0, mount=np.eye(3), tilting="",
             text=self.text, model=self.model, bodies=tuple(bodies), dofs=tuple(dofs),
             stated_gravity=tuple(self.model.opt.gravity.tolist()), springs=tuple(springs),
             not_taken=(*notes, *unknown),
@@ -174,42 +183,57 @@ class _Reader:
         there = (self._counts() == n_joints) & (self.model.body_jntnum > 0)
         return [self.name(body) for body in np.flatnonzero(there).tolist()]
 
-    def _above(self, base: str | None, tip: str | None) -> list[int]:
-        """Return the bodies from below the base to the tip."""
-        parents = self.model.body_parentid
+    def tips_of(self, robot: RobotArrays) -> list[str]:
+        """Return the bodies moved by the joints with the names of a robot's, in its order."""
+        moved = {
+            self.model.jnt(k).name: self.name(int(self.model.jnt_bodyid[k]))
+            for k in range(self.model.njnt)
+        }
+        return [moved[name] for name in robot.joint_names if name in moved]
+
+    def _last(self) -> list[str]:
+        """Return the last bodies with joints of all chains, without loose objects."""
+        carriers: set[int] = set()
+        last: list[str] = []
+        for body in reversed(range(1, self.model.nbody)):
+            number, first = self.model.body_jntnum[body], self.model.body_jntadr[body]
+            if body not in carriers and number and self.model.jnt_type[first] != 0:
+                last.insert(0, self.name(body))
+            if body in carriers or number:
+                carriers.add(int(self.model.body_parentid[body]))
+        return last
+
+    def _bodies(self, base: str | None, tips: Sequence[str]) -> tuple[list[int], Sequence[str]]:
+        """Return the bodies from below the base to the tips, after their parents, and the tips."""
         names = {self.name(body): body for body in range(self.model.nbody)}
-        for each in filter(None, (base, tip)):
+        for each in filter(None, (base, *tips)):
             if each not in names:
                 known = ", ".join(names)
                 raise FileError(f"{self.text.path}: no body {each!r}; bodies are {known}")
         counts = self._counts()
-        if tip is None:
-            longest = self.tips(max(1, int(counts.max())))
-            if len(longest) != 1:
-                tips = ", ".join(longest) or "none"
-                raise FileError(
-                    f"{self.text.path}: the chains with most joints end at {tips}; name one with"
-                    " --to (tip of hil.Robot.load); trees are identified branch by branch"
-                )
-            tip = longest[0]
-        here = names[tip]
-        found: list[int] = []
+        longest = self.tips(max(1, int(counts.max())))
+        tips = tips or (longest if len(longest) == 1 else self._last())
         stop = names[base] if base else 0
-        while here != stop:
-            if here == 0:
-                raise FileError(
-                    f"{self.text.path}: {tip!r} is not below {base!r}; name a body above it"
-                )
-            found.insert(0, here)
-            here = int(parents[here])
+        found: dict[int, None] = {}
+        for tip in tips:
+            path: list[int] = []
+            here = names[tip]
+            while here != stop:
+                if here == 0:
+                    raise FileError(
+                        f"{self.text.path}: {tip!r} is not below {base!r}; name a body above it"
+                    )
+                path.insert(0, here)
+                here = int(self.model.body_parentid[here])
+            found |= dict.fromkeys(path)
         if base and counts[stop]:
             raise FileError(
                 f"{self.text.path}: {base!r} moves by {counts[stop]} joints above it, and tilts "
                 "the chain; omit --from"
             )
         if not found:
-            raise FileError(f"{self.text.path}: no joints between {base!r} and {tip!r}")
-        return found
+            raise FileError(f"{self.text.path}: no joints between {base!r} and {list(tips)}")
+        return list(found), tips
 
     def _joint(
         self, k: int, placed: Placed, body: int, here: Array, *, last: bool

@@ -23,7 +23,7 @@ from hil.model.drive_train_file import UNKNOWN
 from hil.model.frames import QUARTER, ROUNDED_OFF
 from hil.model.readers.axes_to_frames import find_frames
 from hil.model.readers.limits import FARTHEST
-from hil.model.readers.urdf import UrdfChain
+from hil.model.readers.urdf import PARALLELOGRAM, UrdfChain
 from hil.model.robot_file import EARTH
 
 if TYPE_CHECKING:
@@ -63,7 +63,11 @@ def draft_robot(source: UrdfChain | DhRobot, gravity: Sequence[float] | None = N
         See `hil.model.readers.urdf.UrdfChain.gravity`.
     """
     if isinstance(source, UrdfChain):
-        title = [comment(f"Robot {_ends(source)}, drafted from a URDF."), *_ABOUT_MARKS]
+        title = [
+            comment(f"Robot {_ends(source)}, drafted from a URDF."),
+            *_warn_of_loops(source),
+            *_ABOUT_MARKS,
+        ]
         return _text(source, gravity, title, _limits_to_state)
     title = [
         comment(
@@ -96,6 +100,7 @@ def robot_as_stated(
     """
     title = [
         comment(f"Robot {_ends(chain)}, from its {format_}."),
+        *_warn_of_loops(chain),
         "# To move it, state what is unknown; an unknown rotor_inertia is identified.",
     ]
     return _text(chain, gravity, title, _known_limits)
@@ -119,6 +124,14 @@ def _ends(chain: UrdfChain) -> str:
     return f"{one_line(chain.robot)}, from {one_line(chain.base)} to {one_line(chain.tip)}"
 
 
+def _warn_of_loops(chain: UrdfChain) -> Iterator[str]:
+    """Yield a comment on a tree: a format without loops may show a loop as two branches."""
+    if "," in chain.tip:
+        yield comment(
+            f"several last links: {one_line(chain.tip)}. If they meet in one body: {PARALLELOGRAM}"
+        )
+
+
 def _text(
     source: UrdfChain | DhRobot, gravity: Sequence[float] | None, title: Sequence[str], rest: _Rest
 ) -> str:
@@ -134,7 +147,7 @@ def _text(
     lines = [
         line
         for index, joint in enumerate(source.joints)
-        for line in (*_joint(joint, _frame(frames, index, lengths)), *rest(joint))
+        for line in (*_joint(joint, frames, index, lengths), *rest(joint))
     ]
     return "\n".join(
         [
@@ -171,18 +184,23 @@ class _Lengths:
 
 
 def _frame(frames: Frames, index: int, lengths: _Lengths) -> str:
-    keys = [f"alpha: {_angle(frames.alpha[index])}"]
-    for key, value in (("d", frames.d[index]), ("r", frames.r[index])):
-        if value:
-            keys.append(f"{key}: {lengths.expression(float(value), f'{key}{index + 1}')}")
-    if frames.theta[index]:
-        keys.insert(1 + bool(frames.d[index]), f"theta: {_angle(frames.theta[index])}")
+    keys = []
+    for key in ("gamma", "b", "alpha", "d", "theta", "r"):
+        value = float(getattr(frames, key)[index])
+        if key in {"gamma", "alpha", "theta"}:
+            stated = _angle(value)
+        else:
+            stated = lengths.expression(value, f"{key}{index + 1}")
+        if value or key == "alpha":
+            keys.append(f"{key}: {stated}")
     return ", ".join(keys)
 
 
-def _joint(joint: LimitedJoint, frame: str) -> Iterator[str]:
+def _joint(joint: LimitedJoint, frames: Frames, index: int, lengths: _Lengths) -> Iterator[str]:
     yield f"  - name: {scalar(one_line(joint.name))}"
-    yield f"    frame: {{{frame}}}"
+    if frames.parents[index] != index - 1:
+        yield f"    parent: {frames.parents[index] + 1}"
+    yield f"    frame: {{{_frame(frames, index, lengths)}}}"
     if joint.type != "revolute":
         yield f"    type: {joint.type}"
 

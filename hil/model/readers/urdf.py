@@ -1,9 +1,10 @@
-"""Chain of joints from a URDF file: axes and limits.
+"""Joints of a URDF file, a chain or a tree: axes and limits.
 
 Only the kinematics is read; fixed joints are merged with the next moving one, branches beside the
-chain are left out. Joints above the chain determine the direction of gravity in its base link.
-Rounded multiples of a quarter turn (1.5708) are replaced by the exact multiples, since nearly
-parallel or perpendicular axes have other base parameters than exact ones.
+longest chain are left out. If several chains are as long, all joints form a tree. Joints above the
+base link determine the direction of gravity in it. Rounded multiples of a quarter turn (1.5708) are
+replaced by the exact multiples, since nearly parallel or perpendicular axes have other base
+parameters than exact ones.
 
 The format: wiki.ros.org/urdf/XML. A xacro file must be expanded first: its elements and expressions
 are defined outside the file, so a file that contains any is refused.
@@ -29,10 +30,11 @@ from hil.model.readers.limits import LimitedJoint, drop_placeholders
 from hil.model.robot_file import EARTH, MOST_JOINTS
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator, Sequence
+    from collections.abc import Iterator, Mapping, Sequence
     from xml.etree.ElementTree import Element
 
     from hil.arrays import Array, Mask
+    from hil.model.robot_arrays import RobotArrays
 
 
 ROUNDED = 1e-3
@@ -45,19 +47,23 @@ PARALLELOGRAM = (
     "joints: omit its crank and rod, and state couplings in a robot file, such as couplings: "
     "[{motor: 3, joint: 2, ratio: 1}]"
 )
+ENDS = (
+    "name the ends with --from and --to, or base and tip of hil.Robot.load; several last links are "
+    "separated by commas"
+)
 XACRO = "a URDF is expanded xacro: write one with: xacro FILE.xacro -o FILE.urdf"
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class UrdfJoint(LimitedJoint):
-    """Joint of the chain; a URDF states no accelerations.
+    """Joint of a chain or tree; a URDF states no accelerations.
 
     Attributes
     ----------
     link : str
         Name of the link moved by the joint.
     before : ndarray, shape (4, 4)
-        Pose of the frame in the previous joint's frame (first joint: in the base link) at q = 0.
+        Pose of the frame in that of the joint before, or in the base link, at q = 0.
     axis : ndarray, shape (3,)
         Unit vector in the joint's frame.
     place : str
@@ -81,15 +87,15 @@ class UrdfJoint(LimitedJoint):
 
 @dataclass(frozen=True, slots=True, eq=False)
 class UrdfChain:
-    """Chain of joints between two links of a URDF.
+    """Joints between links of a URDF: a chain, or a tree with several tips.
 
     Attributes
     ----------
     robot, base, tip : str
-        Names of the robot and of the two links.
+        Names of the robot and of the links; several tips are separated by commas.
     joints : tuple of UrdfJoint
-    after : ndarray, shape (4, 4)
-        Frame of the tip, relative to that of the last joint.
+    parents : tuple of int
+        Joints that carry each joint, from 0; -1 for the base.
     rounded : float
         Largest change of an angle by rounding to quarter turns [rad].
     mount : ndarray, shape (3, 3)
@@ -104,7 +110,7 @@ class UrdfChain:
     base: str
     tip: str
     joints: tuple[UrdfJoint, ...]
-    after: Array
+    parents: tuple[int, ...]
     rounded: float
     mount: Array
     tilting: str
@@ -141,10 +147,10 @@ class UrdfChain:
 
     def frames(self, q: Array) -> Array:
         """Compute the frames of the joints in the base link, shape (n_joints, 4, 4)."""
-        here, found = np.eye(4), []
-        for joint, angle in zip(self.joints, q, strict=True):
-            here = here @ joint.before @ joint.motion(float(angle))
-            found.append(here)
+        found: list[Array] = []
+        for parent, joint, angle in zip(self.parents, self.joints, q, strict=True):
+            here = np.eye(4) if parent < 0 else found[parent]
+            found.append(here @ joint.before @ joint.motion(float(angle)))
         return np.array(found)
 
 
@@ -158,21 +164,21 @@ class UrdfEdge:
 
 
 def read_urdf(path: str | Path, base: str | None = None, tip: str | None = None) -> UrdfChain:
-    """Read the chain between two links.
+    """Read the chain between two links, or the tree between a link and several.
 
     Parameters
     ----------
     path : path
     base, tip : str, optional
-        Names of links; by default those of the chain with the most moving joints.
+        Names of links, several tips separated by commas; by default those of the chain with the
+        most moving joints, or the whole tree if several chains have as many.
 
     Raises
     ------
     FileError
-        The file is not a URDF, a link does not exist, or a joint of the chain cannot be driven
-        independently.
+        The file is not a URDF, a link does not exist, or a joint cannot be driven independently.
     """
-    return UrdfReader(Path(path)).chain(base, tip)
+    return UrdfReader(Path(path)).chain(base, split_names(tip))
 
 
 class UrdfReader:
@@ -206,41 +212,49 @@ class UrdfReader:
             self.above[edge.child] = edge
             self.below.setdefault(edge.parent, []).append(edge)
 
-    def chain(self, base: str | None, tip: str | None) -> UrdfChain:
-        """Read the chain between two links."""
-        for name in filter(None, (base, tip)):
+    def chain(self, base: str | None = None, tips: Sequence[str] = ()) -> UrdfChain:
+        """Read the chain between two links, or the tree between a link and several."""
+        for name in filter(None, (base, *tips)):
             if name not in self.links:
                 raise FileError(
                     f"{self._path}: no link {name!r}; links are {', '.join(self.links)}"
                 )
-        edges = self._between(base, tip) if tip else self._longest(base)
+        tips = tips or self._longest(base)
+        edges = dict.fromkeys(edge for each in tips for edge in self._between(base, each))
+        first = next(iter(edges)).parent
         joints: list[UrdfJoint] = []
-        before = np.eye(4)
+        parents: list[int] = []
+        place = {first: (-1, np.eye(4))}  # of a link: joint that moves it, pose in its frame
         for edge in edges:
-            before = before @ self.origin(edge.element)
-            if edge.element.get("type") == "fixed":
-                continue
-            joints.append(self._joint(edge, before))
-            before = np.eye(4)
+            carrier, pose = place[edge.parent]
+            before = pose @ self.origin(edge.element)
+            place[edge.child] = carrier, before
+            if edge.element.get("type") != "fixed":
+                place[edge.child] = len(joints), np.eye(4)
+                joints.append(self._joint(edge, before))
+                parents.append(carrier)
         if not 1 <= len(joints) <= MOST_JOINTS:
             raise FileError(
                 f"{self._path}: {len(joints)} moving joints from {base or 'the root'} to"
-                f" {tip or 'the tip'} must be 1 to {MOST_JOINTS}; name the chain's ends with"
-                " --from and --to, or base and tip of hil.Robot.load"
+                f" {', '.join(tips)} must be 1 to {MOST_JOINTS}; {ENDS}"
             )
-        mount, tilting = self._mount(edges[0].parent)
+        mount, tilting = self._mount(first)
         limited, notes = drop_placeholders(joints)
         return UrdfChain(
             robot=self.file.root.get("name") or self._path.stem,
-            base=edges[0].parent,
-            tip=edges[-1].child,
+            base=first,
+            tip=", ".join(tips),
             joints=limited,
-            after=before,
+            parents=tuple(parents),
             rounded=self._rounded,
             mount=mount,
             tilting=tilting,
             not_taken=notes,
         )
+
+    def tips_of(self, robot: RobotArrays) -> list[str]:
+        """Return the links moved by the joints with the names of a robot's, in its order."""
+        return [self._edges[name].child for name in robot.joint_names if name in self._edges]
 
     def _mount(self, base: str) -> tuple[Array, str]:
         """Return the rotation of a link in the root, and a tilting joint above, if any."""
@@ -277,8 +291,8 @@ class UrdfReader:
             raise FileError(f"{self._path}: no joint between {base!r} and {tip!r}")
         return edges
 
-    def _longest(self, base: str | None) -> list[UrdfEdge]:
-        """Return the chain with most moving joints, ending at the last of these."""
+    def _longest(self, base: str | None) -> list[str]:
+        """Return the last link of the longest chain, or all last links if several are as long."""
         chains, following = {}, []
         for tip in self.links:
             above = self.above.get(tip)
@@ -307,13 +321,20 @@ class UrdfReader:
                 f" none of them {', '.join(MOVING)}"
             )
         best = [tip for tip, (n, _) in chains.items() if n == most]
-        if len(best) > 1:
-            raise FileError(
-                f"{self._path}: {len(best)} chains have {most} moving joints, to"
-                f" {', '.join(best)}; choose one with --to. If they meet in one body:"
-                f" {PARALLELOGRAM}"
-            )
-        return chains[best[0]][1]
+        if len(best) == 1:
+            return best
+        return self._last(chains, following)
+
+    def _last(
+        self,
+        chains: Mapping[str, tuple[int, list[UrdfEdge]]],
+        following: Sequence[tuple[int, Element]],
+    ) -> list[str]:
+        """Return the last links of a tree; its joints follow no others."""
+        if following:
+            raise self._mimics(following[0][1])
+        carriers = {edge.parent for _, edges in chains.values() for edge in edges}
+        return [tip for tip in chains if tip not in carriers]
 
     def _mimics(self, element: Element) -> FileError:
         """Return the error for a mimic joint in the chain."""
@@ -323,7 +344,8 @@ class UrdfReader:
             element,
             f"joint {element.get('name')!r} mimics another one, {_followed(element)!r}, and has no"
             f" motor of its own, which is not modelled: end the chain before it with --to {before},"
-            f" in a map by robot: {{urdf: {self._path.name}, to: {before}}}. If a motor turns it,"
+            f" in a map by robot: {{urdf: {self._path.name}, to: {before}}}; the last links of a"
+            " tree are separated by commas. If a motor turns it,"
             " remove <mimic>; if that motor turns with two joints, as in a parallelogram drive,"
             " state couplings in a robot file, too",
         )
@@ -432,6 +454,11 @@ class UrdfReader:
     def _number(self, element: Element | None, key: str) -> float:
         found = None if element is None else self.file.numbers(element, key, 1)
         return math.nan if found is None else found[0]
+
+
+def split_names(stated: str | None) -> list[str]:
+    """Split names separated by commas."""
+    return [name for each in (stated or "").split(",") if (name := each.strip())]
 
 
 def _followed(element: Element) -> str | None:

@@ -213,7 +213,10 @@ def _inertia_row(robot: Robot, axis: int, accelerated: int, columns: list[int]) 
 
 
 def _spread(robot: Robot, strokes: dict[int, float], row: Row) -> Array:
-    """Spread the joints that affect `row` over the ranges; keep the rest at mid-range."""
+    """Spread the joints that affect `row` over the ranges; keep the rest at mid-range.
+
+    Of a tree one branch at a time is spread: an element is a sum of terms of each branch.
+    """
     middle = (robot.q_min + robot.q_max) / 2
     half = RANGE * (robot.q_max - robot.q_min) / 2
     for i, stroke in strokes.items():
@@ -224,6 +227,10 @@ def _spread(robot: Robot, strokes: dict[int, float], row: Row) -> Array:
     if joints:
         points = halton(CANDIDATES, len(joints))
         q[:, joints] = middle[joints] + (2 * points - 1) * half[joints]
+    branches = [robot.path(last) for last in robot.last_links]
+    for number, branch in enumerate(branches):
+        others = [joint for joint in joints if joint not in branch]
+        q[number :: len(branches), others] = middle[others]
     return q
 
 

@@ -98,8 +98,14 @@ def design_trajectory(
     Raises
     ------
     ValueError
-        Too few harmonics for rest at the beginning of a period.
+        Too few harmonics for rest at the beginning of a period, or a tree.
     """
+    if not robot.is_chain:
+        raise ValueError(
+            f"{robot.name}: a trajectory moves all axes at once, and branches of a tree are not"
+            " checked for clearance from each other; plan strokes (hil plan --kind strokes), which"
+            " move one branch at a time, or import a recording of a motion that you checked"
+        )
     effort = search or Search()
     basis = Basis(robot, period, harmonics, speed)
     rng = np.random.default_rng(seed)

@@ -35,6 +35,7 @@ ROBOTS = {
     "coupled wrist, rotors identified": "staubli-tx40",
     "three slides": str(ROOT / "tests/robots/cartesian.yaml"),
     "a slide among turns": str(ROOT / "tests/robots/scara.yaml"),
+    "two arms": str(ROOT / "tests/robots/two-arms.yaml"),
     "base on a wall": str(ROOT / "tests/robots/ur10e-on-a-wall.yaml"),
     "URDF": str(ROOT / "examples/pan_tilt/head.urdf"),
 }
@@ -99,9 +100,10 @@ def test_python_functions_give_the_model_s_numbers(kind: str) -> None:
         assert close(one, wanted[3], EXACT.get(name, 1e-10)), name
 
 
+@pytest.mark.parametrize("tree", [False, True])
 @pytest.mark.parametrize("seed", range(12))
-def test_so_they_do_for_random_chains(chains: Any, seed: int) -> None:
-    model = stated_model(chains.random(seed), seed)
+def test_so_they_do_for_random_robots(chains: Any, seed: int, tree: bool) -> None:
+    model = stated_model(chains.random(seed, tree), seed)
     names = module(model)
     for name, (arguments, wanted) in expected(model).items():
         assert close(names[name](*arguments), wanted, 1e-10), name

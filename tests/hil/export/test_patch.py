@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from mjcf_robots import ARM, ONE_JOINT, write_arm
 from possible_models import model_of
-from urdf_robots import ROBOTS, urdf
+from urdf_robots import ROBOTS, TREES, urdf
 
 import hil
 from hil.errors import InvalidValue, Mismatch
@@ -100,6 +100,28 @@ def test_a_urdf_keeps_everything_but_numbers_of_inertials_and_dynamics(tmp_path)
     again = identified(tmp_path / "new.urdf")
     size = np.abs(model.values).max()
     np.testing.assert_allclose(again.values, model.values, atol=1e-4 * size)
+
+
+def test_a_tree_keeps_everything_but_numbers(tmp_path):
+    joints, parents = TREES["two arms"]
+    (path := tmp_path / "arms.urdf").write_text(urdf("arms", joints, parents))
+    model = identified(path, m4=1.25, Izz6=1.2)
+    (new,) = exported_model(model, "urdf", path, patch=path)[1].files.values()
+    (tmp_path / "new.urdf").write_text(new)
+    again = identified(tmp_path / "new.urdf")
+    assert not again.robot.is_chain
+    np.testing.assert_allclose(again.values, model.values, atol=1e-4 * np.abs(model.values).max())
+    (mjcf,) = exported_model(model, "mjcf", path)[1].files.values()
+    (path := tmp_path / "arms.xml").write_text(mjcf)
+    model = identified(path, m4=1.25, Izz6=1.2)
+    assert model.robot.parents == (-1, 0, 1, 2, 0, 4, 5)
+    _, exported = exported_model(model, "mjcf", path, patch=path)
+    written = write_exported(exported, tmp_path / "new")
+    motion = [np.random.default_rng(4).uniform(-1.0, 1.0, (6, 7)) for _ in range(3)]
+    expected = inverse_dynamics(model.robot, model.values, *motion)
+    before, after = torques(path, *motion), torques(written[0], *motion)
+    assert np.abs(before - expected).max() > 0.01
+    np.testing.assert_allclose(after, expected, atol=2e-4 * np.abs(expected).max())
 
 
 def test_files_that_cannot_be_patched_are_refused_with_what_to_do(tmp_path):

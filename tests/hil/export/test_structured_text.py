@@ -36,6 +36,7 @@ ROBOTS = {
     "six axes": "manutec-r15",
     "coupled wrist": "staubli-tx40",
     "SCARA": str(ROOT / "tests/robots/scara.yaml"),
+    "two arms": str(ROOT / "tests/robots/two-arms.yaml"),
 }
 STATES = 10_000
 STRUCPP = shutil.which("strucpp")

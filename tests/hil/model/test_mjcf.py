@@ -31,6 +31,40 @@ def test_joints_lie_where_mujoco_has_them_whatever_class_frame_unit_or_include_s
         np.testing.assert_allclose(np.abs((moved[:, :3, 2] * data.xaxis).sum(axis=1)), 1.0)
 
 
+TREE = """<mujoco model="hand"><compiler angle="radian"/><worldbody>
+<body name="palm" pos="0 0 1"><joint name="wrist" axis="0 0 1" ref="0.2"/>
+  <inertial pos="0 0 0.1" mass="1" fullinertia="0.02 0.03 0.025 0.001 0.002 0.003"/>
+  <body name="weld" pos="0.1 0 0" euler="0 0.3 0">
+    <body name="thumb" pos="0 0 0.1"><joint name="t1" axis="0 1 0"/><joint name="t2" axis="1 0 0"/>
+      <inertial pos="0.01 0 0.1" mass="0.3" diaginertia="0.002 0.003 0.001"/></body></body>
+  <body name="finger" pos="-0.1 0 0.1" euler="0.4 0 0"><joint name="f1" axis="0 1 0"/>
+    <inertial pos="0.01 0 0.1" mass="0.3" diaginertia="0.002 0.003 0.001"/>
+    <body name="end" pos="0 0 0.1"><joint name="f2" type="slide" axis="0 0.6 0.8"/>
+      <inertial pos="0 0.1 0.1" mass="0.2" diaginertia="0.002 0.003 0.001"/></body></body></body>
+<body name="cube" pos="1 0 0"><freejoint/><geom size="0.1"/></body></worldbody></mujoco>"""
+
+
+def test_a_tree_has_mujoco_s_torques(tmp_path):
+    (path := tmp_path / "hand.xml").write_text(TREE)
+    chain, robot = read_mjcf(path), hil.Robot.load(path)
+    assert (chain.parents, chain.tip) == ((-1, 0, 1, 0, 3), "thumb, end")
+    model = mujoco.MjModel.from_xml_path(str(path))
+    data, rng, n = mujoco.MjData(model), np.random.default_rng(3), 5
+    q, qd, qdd = rng.uniform(-1.0, 1.0, (3, 200, n))
+    expected = np.empty((200, n))
+    for k in range(200):
+        data.qpos[:n], data.qvel[:n], data.qacc[:n] = q[k], qd[k], qdd[k]
+        mujoco.mj_inverse(model, data)
+        expected[k] = data.qfrc_inverse[:n]
+    A = hil.regressor(robot, q, qd, qdd).reshape(200 * n, -1)
+    p, _, rank, _ = np.linalg.lstsq(A, expected.ravel(), rcond=None)
+    assert rank == A.shape[1]
+    np.testing.assert_allclose(A @ p, expected.ravel(), atol=1e-10)
+    one = hil.Robot.load(path, tip="thumb")
+    assert (one.n_joints, one.is_chain) == (3, True)
+    assert hil.Robot.load(path, tip="end, thumb").joint_names == ("wrist", "f1", "f2", "t1", "t2")
+
+
 def test_the_robot_has_the_file_s_ranges_limits_and_gravity(tmp_path):
     robot = hil.Robot.load(write_arm(tmp_path / "arm"))
     assert robot.name == "test-arm"
@@ -57,14 +91,14 @@ def test_the_robot_has_the_file_s_ranges_limits_and_gravity(tmp_path):
         (('mass="2.5"', 'mass="-1"'), "cannot be compiled by MuJoCo: .*mass"),
         (("<light", '<body name="b2"><joint/><geom size="1"/><body><joint/><geom size="1"/><body>'
           '<joint/><joint axis="1 0 0"/><geom size="1"/></body></body></body><light'),
-         "name one with --to"),
+         None),
     ],
 )  # fmt: skip
 def test_what_cannot_be_taken_is_named_with_its_line_and_what_to_do(tmp_path, change, why):
     assert change[0] in ARM
     path = write_arm(tmp_path / "arm", ARM.replace(*change, 1))
-    if why is None:  # loose objects do not belong to the arm
-        assert hil.Robot.load(path).n_joints == 4
+    if why is None:  # loose objects do not belong to the arm, another chain as long makes a tree
+        assert hil.Robot.load(path).n_joints == (8 if "b2" in change[1] else 4)
         return
     with pytest.raises(FileError, match=why):
         hil.Robot.load(path)

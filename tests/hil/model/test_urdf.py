@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 import pinocchio as pin
 import pytest
-from urdf_robots import CONTINUOUS, REVOLUTE, ROBOTS, H, urdf
+from urdf_robots import CONTINUOUS, REVOLUTE, ROBOTS, TREES, H, random_tree, urdf
 
 from checked_files.yaml_file import UNSTATED, FileError
 from hil.model.base_parameters import base_parameters
@@ -72,23 +72,24 @@ def standard_parameters(model: pin.Model, chain: UrdfChain) -> Array:
     """Return Pinocchio's bodies in our frames: inertias about
     the origins, first moments, masses.
     """
-    n = len(chain.joints)
-    ours = find_frames(chain).poses(np.zeros(n), chain.revolute)
+    ours = find_frames(chain).poses(np.zeros(len(chain.joints)), chain.revolute)
     data = model.createData()
     pin.forwardKinematics(model, data, pin.neutral(model))
     found = []
-    for k in range(n):
-        theirs = data.oMi[k + 1]
-        body = (pin.SE3(np.linalg.inv(ours[k])) * theirs).act(model.inertias[k + 1])
+    for joint, own in zip(chain.joints, ours, strict=True):
+        k = model.getJointId(joint.name)
+        body = (pin.SE3(np.linalg.inv(own)) * data.oMi[k]).act(model.inertias[k])
         m, s = body.mass, body.mass * body.lever
         I = body.inertia - m * pin.skew(body.lever) @ pin.skew(body.lever)  # noqa: E741
         found += [*I[0], I[1, 1], I[1, 2], I[2, 2], *s, m]
     return np.array(found)
 
 
-@pytest.mark.parametrize("name", ROBOTS)
+@pytest.mark.parametrize("name", [*ROBOTS, *TREES])
 def test_every_frame_moves_with_its_joint(tmp_path: Path, name: str) -> None:
-    chain = chain_of(tmp_path, urdf(name, ROBOTS[name]))
+    joints, parents = TREES.get(name) or (ROBOTS[name], None)
+    chain = chain_of(tmp_path, urdf(name, joints, parents))
+    assert parents is None or chain.parents == tuple(np.array(parents) - 1)
     revolute = chain.revolute
     frames, still = find_frames(chain), np.zeros(len(revolute))
     fixed = np.linalg.inv(chain.frames(still)) @ frames.poses(still, revolute)
@@ -117,12 +118,51 @@ def test_a_drafted_robot_has_the_torques_of_the_urdf(tmp_path: Path, name: str) 
     robot = robot_of(chain, gravity)
     model = pin.buildModelFromXML(exact)
     model.gravity.linear = np.array(gravity)
+    assert_torques(robot, model, chain, 1e-9)
+
+
+@pytest.mark.parametrize("tree", [*TREES.values(), *range(50)])
+def test_a_drafted_tree_has_the_torques_of_the_urdf(tmp_path: Path, tree: object) -> None:
+    rng = np.random.default_rng(tree if isinstance(tree, int) else 0)
+    joints, parents = random_tree(rng) if isinstance(tree, int) else tree
+    text, gravity = urdf("tree", joints, parents), (1.0, -2.0, -9.0)
+    tips = [f"link{k}" for k in range(1, len(joints) + 1)]
+    chain = chain_of(tmp_path, text, "base", ",".join(tips))
+    assert chain.parents == tuple(np.array(parents) - 1)
+    model = pin.buildModelFromXML(text)
+    model.gravity.linear = np.array(gravity)
+    robot = robot_of(chain)
+    own = find_frames(chain).base[:3, :3].T @ np.array(gravity)  # a file has nine digits of it
+    assert_torques(robot.changed(gravity=tuple(own)), model, chain, 1e-10)
+
+
+def assert_torques(robot: Robot, model: pin.Model, chain: UrdfChain, within: float) -> None:
+    """Compare torques with Pinocchio's at random states."""
     p = base_parameters(robot).matrix @ standard_parameters(model, chain)
-    data = model.createData()
+    order = [model.joints[model.getJointId(joint.name)].idx_v for joint in chain.joints]
+    data, place = model.createData(), np.argsort(order)
     for q, qd, qdd in np.random.default_rng(2).uniform(-1, 1, (10, 3, robot.n_joints)):
-        expected = pin.rnea(model, data, q, qd, qdd)
+        expected = pin.rnea(model, data, q[place], qd[place], qdd[place])[order]
         found = inverse_dynamics(robot, p, q, qd, qdd)
-        assert found == pytest.approx(expected, abs=1e-9, rel=1e-9)
+        assert found == pytest.approx(expected, abs=within, rel=within)
+
+
+def test_several_longest_chains_are_a_tree_of_all_joints(tmp_path: Path) -> None:
+    chain = chain_of(tmp_path, add_fingers())
+    assert [joint.name for joint in chain.joints] == ["joint1", "joint2", "finger1", "finger2"]
+    assert (chain.parents, chain.tip) == ((-1, 0, 1, 1), "left, right")
+    text = draft_robot(chain)
+    assert "parent: 2\n" in text
+    assert "# several last links: left, right. If they meet in one body: loops are" in text
+
+
+def test_part_of_a_tree_is_taken_by_its_last_links(tmp_path: Path) -> None:
+    joints, parents = TREES["hand"]
+    text = urdf("hand", joints, parents)
+    chain = chain_of(tmp_path, text, "link1", "link5, link3")
+    assert [joint.name for joint in chain.joints] == ["joint4", "joint5", "joint2", "joint3"]
+    assert chain.parents == (-1, 0, -1, 2)
+    assert chain_of(tmp_path, text, tip="link3").parents == (-1, 0, 1)
 
 
 MOUNTED = """<robot name="arm">
@@ -261,7 +301,6 @@ def insert_xacro(element: str) -> str:
          "1: invalid XML: starts with 'xacro: in-order processing'; remove what stands before <"),
         ("<sdf/>", None, "1: <sdf> must be <robot>"),
         ('<robot><link name="a"/></robot>', None, "no chain of joints that move: it has 0 joints"),
-        (add_fingers(), None, "2 chains have 3 moving joints, to left, right; choose"),
         (add_fingers('<mimic joint="finger1"/>'), "right", r"10: joint 'finger2' mimics another"),
         (add_fingers('<mimic joint="finger1"/>'), "right", "end the chain .* couplings"),
         (wrist_behind_a_mimic(), None, "6: joint 'joint2' mimics another one, 'joint1', and has"),
@@ -271,7 +310,6 @@ def insert_xacro(element: str) -> str:
         (joint_of_type("Revolute"), None, "6: joint 'joint2': type 'Revolute' must be one of rev"),
         (add_loop(), None, "11: link 'left' is the child of joint 'finger1' already, and joint"),
         (add_loop(), None, "loops are not modelled. A parallelogram .* couplings: .{motor: 3"),
-        (add_fingers(), None, "If they meet in one body: loops are not modelled"),
         (insert_xacro('<xacro:include filename="a"/>'), None, "7: <xacro:include> is not expanded"),
         (insert_xacro('<gazebo ref="${name}"/>'), None, r"7: ref '\$\{name\}' of <gazebo> is not"),
         (insert_xacro('<a><b c="$(find arm)/x"/></a>'), None, r"7: c '\$\(find arm\)/x' of <b> is"),

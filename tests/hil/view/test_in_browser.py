@@ -77,7 +77,8 @@ def show(
 
 def projected(robot: Robot, q: np.ndarray, seen: dict[str, Any]) -> np.ndarray:
     """Return image positions of all links' frame origins (n_joints, 2) [pixels]."""
-    frames = Frames(robot.alpha, robot.d, robot.theta, robot.r, np.eye(4))
+    lengths = robot.alpha, robot.d, robot.theta, robot.r, robot.gamma, robot.b
+    frames = Frames(*lengths, robot.parents, np.eye(4))
     origins = frames.poses(q, robot.revolute)[:, :, 3]
     clip = origins @ np.reshape(seen["matrix"], (4, 4)).T
     across, up = clip[:, 0] / clip[:, 3], clip[:, 1] / clip[:, 3]

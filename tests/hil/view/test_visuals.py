@@ -100,7 +100,9 @@ def test_a_mesh_stands_in_the_frame_of_its_link(scara: Path) -> None:
     base, arm = found.visuals
     assert (base.link, arm.link) == (-1, 1)
     q = np.array([0.4, -0.7, 0.1, 0.2])
-    frames = Frames(robot.alpha, robot.d, robot.theta, robot.r, find_frames(chain).base)
+    base_frame = find_frames(chain).base
+    lengths = robot.alpha, robot.d, robot.theta, robot.r, robot.gamma, robot.b
+    frames = Frames(*lengths, robot.parents, base_frame)
     shown = _placed(frames.poses(q, robot.revolute)[1], arm.mesh.vertices)
     origin = np.eye(4)
     roll, pitch, yaw = 0.3, 0.2, 0.1
