@@ -37,6 +37,9 @@ def rounding_window(period: float) -> Array:
 
 HALF_WIDTH = 0.024
 """Half-width of the window [s]."""
+LONGEST = HALF_WIDTH / 4.0 * (1.0 + 1e-9)
+"""Longest sampling period with four samples on either side of the window's middle [s]; a longer one
+is a slow SYNC."""
 APART = 0.012
 """Interval between used samples [s]: the window removes faster content."""
 

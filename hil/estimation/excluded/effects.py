@@ -20,7 +20,7 @@ from hil.estimation.drive_train import CERTAIN, compliance_units
 from hil.estimation.friction.symmetry import judge_local_values
 from hil.estimation.ripple_orders import unmodelled_ripple
 from hil.estimation.simultaneous import SimultaneousFit
-from hil.least_squares.window import HALF_WIDTH, SECOND, weights
+from hil.least_squares.window import LONGEST, SECOND, weights
 from hil.model.dynamics import mass_matrix
 from hil.model.motors import motor_inertia
 
@@ -38,8 +38,6 @@ COARSE = 0.9
 """Minimum share of encoder noise in an axis's residual, for a coarse encoder. On the virtual plant
 without any error the share is at most 0.58 (clean runs 1000, 1005 and 1011 of
 `benchmarks/excluded.py`), with 1024 increments a turn above 0.9 (docs, causes-of-error.md)."""
-FEWEST_IN_WINDOW = 4.0
-"""Minimum number of samples on either side of the window's middle; fewer mean a slow SYNC."""
 _EVERY = 100
 """Samples between two evaluations of inertia."""
 _ORDER = 8
@@ -101,10 +99,10 @@ def effects(
         detail = "accelerations are noisier than the residual"
         part = _part(fit, share, covariance)
         yield Effect("coarse encoders", coarse, detail, still, part)
-    period, enough = max(s.period for _, s in joint.prepared), HALF_WIDTH / FEWEST_IN_WINDOW
-    if period > enough * (1 + 1e-9):
-        detail = f"{1e3 * period:g} ms; {1e3 * enough:g} ms is sufficient"
-        part = (1.0 - enough / period) * covariance
+    period = max(s.period for _, s in joint.prepared)
+    if period > LONGEST:
+        detail = f"{1e3 * period:g} ms; {1e3 * LONGEST:g} ms is sufficient"
+        part = (1.0 - LONGEST / period) * covariance
         yield Effect("slow SYNC", (), detail, still, part)
 
 

@@ -23,6 +23,7 @@ from hil.friction.equation import FEWEST, LOAD, limit_or_reached
 from hil.least_squares.blocks import Blocks
 from hil.least_squares.solving import orthonormal
 from hil.least_squares.thinned import smooth_at
+from hil.least_squares.window import weights
 from hil.model.base_parameters import base_parameters
 from hil.model.motors import motor_torque
 
@@ -126,6 +127,18 @@ class Evidence:
                     basis, _ = orthonormal(own[rows], SAME)
                     parts.append((slice(rows[0], rows[-1] + 1), basis))
         return replace(self, own=own[:, :0], parts=tuple(parts))
+
+    @property
+    def overlap(self) -> float:
+        """Dispersion of white noise: rows closer than the window's width share its samples."""
+        found = np.ones(len(self.axis))
+        for rows, _ in self.parts:
+            apart = np.diff(self.sample[rows])
+            step = int(np.median(apart)) if len(apart) else 1
+            window = weights(float(self.period[rows.start]))
+            shared = np.correlate(window, window, "full")[len(window) - 1 :: step]
+            found[rows] = 2.0 * shared.sum() / shared[0] - 1.0
+        return float(found.mean())
 
     def blocks(self, rows: Array, n_shared: int, axis: Indices | None = None) -> Blocks:
         """Add up the rows of a torque, of shared columns, and of channels' own columns.

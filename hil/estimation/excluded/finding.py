@@ -65,10 +65,12 @@ impact without rebound, and links with a restitution of 0.5 rebound with a quart
 CONTRADICTS = 4.0
 """Median dispersion of causes from which on groups contradict each other for any reason: they
 scatter twice as much as the noise within groups explains. Then nothing may be significant, since
-everything is uncertain. The median is 1.0 to 1.5 without any cause, even with strong drift of
-friction; up to 3.5 with a cause that a column explains; and 13 to 18 with a reversed axis, two
-exchanged axes or a joint offset of 90 degrees. The bounds 2.5 and 9 give the same findings on the
-runs of `LARGE`."""
+everything is uncertain. The median is at most `USUAL` without any cause; up to 3.5 with a cause
+that a column explains; and 13 to 18 with a reversed axis, two exchanged axes or a joint offset of
+90 degrees. The bounds 2.5 and 9 give the same findings on the runs of `LARGE`."""
+USUAL = 1.5
+"""Largest median dispersion without any cause, even with strong drift of friction, as a multiple of
+the dispersion of white noise: that is 3.5 at a SYNC of 16 ms (`Evidence.overlap`)."""
 TOGETHER = float(special.chdtri(1, 0.05))
 """Difference of chi squares below which two causes explain the data equally well. If the true cause
 explains z^2, another cause with correlation r explains (r z + sqrt(1 - r^2) e)^2, e standard
@@ -345,7 +347,8 @@ class _Instead:
         """Findings after the comparison with other readings."""
         if self._deviation is not None:
             return self._find_change(self._deviation)
-        sound = self._scatter < CONTRADICTS and self._stated.possible
+        white = self.evidence.overlap
+        sound = self._scatter < max(CONTRADICTS, USUAL * white) and self._stated.possible
         if sound and not any(each.left < LARGE for each in self.causes):
             return self.causes
         found = self._likeliest()
@@ -353,7 +356,7 @@ class _Instead:
             return (found,)
         if self.causes or sound:
             return self.causes
-        times = np.sqrt(self._scatter)
+        times = np.sqrt(self._scatter / white)
         words = f"scatter between measurements is {times:.1f} times the scatter expected from noise"
         if not self._stated.possible:
             words = (

@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from free_run import TRUTH, arm, recorded
 
 from hil.estimation.excluded import proof
 from hil.estimation.excluded.evidence import Evidence
+from hil.least_squares.window import smooth
 
 
 def evidence(n_parts: int, rows: int, rank: int, n_own: int = 2) -> Evidence:
@@ -46,6 +49,20 @@ def test_as_many_rows_as_are_asked_for_are_left_beside_friction(n_parts: int, ro
     assert np.all(left >= 250)
     assert np.all(left <= 2 * (250 + 4 * n_parts))
     assert len(at) == len(thin.axis)
+
+
+@pytest.mark.parametrize(("period", "step"), [(0.016, 1), (0.004, 3), (0.004, 12)])
+def test_rows_that_share_samples_scatter_between_groups_by_white_noise(
+    period: float, step: int
+) -> None:
+    """At a SYNC of 16 ms "scatter between measurements" was found in white noise."""
+    rows, draws = 200, 4000
+    noise = np.random.default_rng(1).standard_normal((step * rows + 40, draws))
+    smoothed = smooth(noise, period)[20 : 20 + step * rows : step]
+    shown = smoothed.sum(axis=0).var() / rows / smoothed.var()
+    whole = evidence(2, rows, 1)
+    found = replace(whole, period=np.full(len(whole.axis), period), sample=step * whole.sample)
+    assert found.overlap == pytest.approx(shown, rel=0.08)
 
 
 def test_without_own_columns_nothing_is_left_along_them() -> None:

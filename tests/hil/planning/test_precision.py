@@ -9,7 +9,7 @@ from scipy import stats
 from checked_files.yaml_file import FileError
 from hil.estimation import condensed
 from hil.estimation.signals import derivatives, signals
-from hil.friction.equation import usable
+from hil.friction.equation import FEWEST, usable
 from hil.least_squares.window import noise_gain, weights
 from hil.model.base_parameters import base_parameters
 from hil.model.robot import parse_robot
@@ -35,9 +35,9 @@ def one_of_each(plan):
     return {m.kind: m for m in reversed(plan.measurements)}
 
 
-def ideal(measurement):
+def ideal(measurement, period=PERIOD):
     """Return signals of axes that follow their profiles exactly; torques are zero."""
-    planned = forecast(measurement, PERIOD)
+    planned = forecast(measurement, period)
     n = len(planned.time)
     idle, flags = np.full(n, IDLE, np.int16), np.zeros(planned.q.shape, np.uint8)
     tau = np.zeros_like(planned.q)
@@ -67,6 +67,21 @@ def test_the_information_foreseen_is_what_the_estimator_takes_from_an_ideal_moti
         assert expected[meant] / found[meant] == pytest.approx(1.0, abs=0.02)
         # quantities visible on a ramp only depend on one sample more or less
         assert expected[shown] / found[shown] == pytest.approx(1.0, abs=0.1)
+
+
+@pytest.mark.parametrize("period", [0.008, 0.016])
+@pytest.mark.parametrize(("kind", "share"), [("inertia", 0.005), ("coupling", 0.02)])
+def test_samples_of_a_slow_sync_are_used_where_differences_give_the_acceleration(
+    manutec, one_of_each, kind, share, period
+):
+    """Position delays and joint offsets were named where a corner of another axis was in reach."""
+    measurement = one_of_each[kind]
+    s, exact = ideal(measurement, period), forecast(measurement, period).qdd
+    error = np.abs(s.smoothed(s.qdd) - s.smoothed(exact))
+    for axis in measurement.moved:
+        used = s.usable(manutec, axis)
+        assert used.sum() >= FEWEST
+        assert (error[used] <= share * manutec.acceleration_limit).all()
 
 
 @pytest.mark.parametrize("what", ["white", "wander"])
