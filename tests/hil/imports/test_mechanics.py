@@ -57,7 +57,36 @@ def test_a_joint_without_friction_raises_no_suspicion(seen, manutec):
 def test_torques_that_all_have_the_wrong_sign(seen, manutec):
     ((place, message),) = said(seen, manutec, tau=-seen.tau)
     assert place == ("joints", 0, "torque", "sign")
-    assert message.startswith("torques of all joints have the wrong sign: friction would accel")
+    assert message == "torques of all joints have the wrong sign"
+
+
+@pytest.mark.parametrize(("friction", "words"), [(0, "some motions would"), (1, "friction would")])
+def test_torques_that_all_have_the_wrong_sign_where_no_rotor_is_known(
+    seen, manutec, friction, words
+):
+    robot = parse_robot(
+        re.sub(r"rotor_inertia: [\d.e-]+", "rotor_inertia: unknown", manutec.text), ""
+    )
+    tau = seen.tau - (1 - friction) * 10 * np.tanh(np.gradient(seen.q, PERIOD, axis=0) / 0.03)
+    assert said(seen, robot, tau=tau) == []
+    ((place, message),) = said(seen, robot, tau=-tau)
+    assert place == ("joints", 0, "torque", "sign")
+    assert message.startswith(f"torques of all joints have the wrong sign: {words}")
+
+
+@pytest.mark.parametrize("axis", [2, 4])
+@pytest.mark.parametrize("which", [("q", "tau"), ("tau",)])
+def test_a_sign_on_an_arm_whose_last_axis_seems_to_have_a_negative_inertia(
+    seen, manutec, which, axis
+):
+    # as with torques that a filter delays: the model is not exact, its noise not white
+    qdd = np.gradient(np.gradient(seen.q, PERIOD, axis=0), PERIOD, axis=0)
+    tau = seen.tau - np.eye(6)[5] * 3.0 * qdd
+    wrong, inexact = np.where(np.arange(6) == axis, -1.0, 1.0), replace(seen, tau=tau)
+    assert said(inexact, manutec) == []
+    changes = {name: wrong * getattr(inexact, name) for name in which}
+    ((place, _),) = said(inexact, manutec, **changes)
+    assert place[:2] == ("joints", axis)
 
 
 @pytest.mark.parametrize("lag", [-0.9, -0.3, 0.15, 0.6])
