@@ -37,7 +37,7 @@ from hil.estimation.excluded.words import rank_of
 from hil.estimation.signals import signals
 from hil.estimation.simultaneous import SimultaneousFit
 from hil.imports.evidence import Suspicion
-from hil.imports.two_clocks import clock_of_torques
+from hil.imports.two_clocks import clock_of_torques, late_torques
 from hil.model.drive_train_file import USUAL_BOUND
 from hil.planning.free_motion import FreeMotion
 from hil.runs.recording import IDLE, Recording
@@ -81,11 +81,11 @@ NOTHING = 0.8
 
 Public recordings of five machines leave at most 0.05, noise in place of torques leaves 0.89.
 """
-LAGS, FAR_LAGS = (0.05, 0.1), (0.2, 0.4, 0.8)
-"""Lags of torques to try [s], beyond the lags fitted by estimates.
+LAGS = (0.2, 0.4, 0.8)
+"""Lags of torques to try [s], beyond those that `clock_of_torques` finds.
 
-Causes are a filter, a stack of software, or another computer's clock. Lags between differ from one
-of these by a third, which leaves a ninth of the mean squares.
+Causes are a stack of software, or another computer's clock. Lags between differ from one of these
+by a third, which leaves a ninth of the mean squares.
 """
 UNEXPLAINED = 0.02
 """Minimum residual share of the torque variance for far lags: a twin has 7 % at 200 ms."""
@@ -138,14 +138,10 @@ def mechanical_suspicions(
         return
     misread = list(_misread(robot, excerpts, prepared, solver, shown & (share > NOTHING)))
     yield from misread
-    # lags are searched if the residual variance exceeds 0.3 %: twins of robots have 0.1 %, and 0.5
-    # % with torques delayed by 50 ms
-    if not misread and (share > 0.003).any():
-        another = list(clock_of_torques(excerpts, robot, shown))
-        yield from another
-        far = bool(np.median(share) > UNEXPLAINED)
-        if not another:
-            yield from _late(robot, prepared, solver, shown, LAGS + FAR_LAGS * far)
+    another = () if misread else list(clock_of_torques(excerpts, robot, shown))
+    yield from another
+    if not misread and not another and np.median(share) > UNEXPLAINED:
+        yield from _late(robot, prepared, solver, shown)
 
 
 def _why_unrelated(torque: Array, shown: Mask) -> str:
@@ -311,9 +307,9 @@ def _read(excerpt: Excerpt, reading: Reading) -> Excerpt:
 
 
 def _late(
-    robot: Robot, prepared: Prepared, solver: SimultaneousFit, shown: Mask, lags: Sequence[float]
+    robot: Robot, prepared: Prepared, solver: SimultaneousFit, shown: Mask
 ) -> Iterator[Suspicion]:
-    """Yield a suspicion for torques delayed or early beyond the lags fitted by estimates.
+    """Yield a suspicion for torques that are late or early by one of the `LAGS`.
 
     A lag common to all joints leaves half of the mean squares or less, in the median over the
     joints `shown`, shape (n_joints,). A single joint may improve little, because many parameters
@@ -327,17 +323,11 @@ def _late(
         ratio = solver.weight / SimultaneousFit(robot, advanced).weight
         return float(np.median(ratio[shown])), lag
 
-    left, lag = min(left_at(sign * lag) for lag in lags for sign in (1, -1))
+    left, lag = min(left_at(sign * lag) for lag in LAGS for sign in (1, -1))
     if left <= LEAVES:
-        for step in (0.25, 0.12) if abs(lag) >= max(LAGS) else ():  # to 6 %
+        for step in (0.25, 0.12):  # to 6 %
             left, lag = min((left, lag), *(left_at(lag * (1 + k * step)) for k in (-1, 1)))
-        yield Suspicion(
-            "shape",
-            ("joints", 0, "torque"),
-            f"torques of all joints have a {'delay' if lag > 0 else 'lead'} of some "
-            f"{float(f'{1e3 * abs(lag):.2g}'):.0f} ms; {CAUSES['torque delay'].remedy}",
-            certain=False,
-        )
+        yield late_torques(lag)
 
 
 def _readings(robot: Robot, thin: Evidence) -> Iterator[tuple[str, tuple[int, ...], str, Reading]]:

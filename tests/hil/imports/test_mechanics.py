@@ -89,7 +89,7 @@ def test_a_sign_on_an_arm_whose_last_axis_seems_to_have_a_negative_inertia(
     assert place[:2] == ("joints", axis)
 
 
-@pytest.mark.parametrize("lag", [-0.9, -0.3, 0.15, 0.6])
+@pytest.mark.parametrize("lag", [-0.9, -0.3, -0.02, 0.02, 0.15, 0.6])
 def test_a_lag_of_all_torques_is_named_whatever_its_size(seen, manutec, lag):
     late = np.array([np.interp(T - lag, T, tau) for tau in seen.tau.T]).T
     shown = np.ones(manutec.n_joints, dtype=bool)
@@ -99,7 +99,8 @@ def test_a_lag_of_all_torques_is_named_whatever_its_size(seen, manutec, lag):
     )
     assert found
     assert found[1] == ("delay" if lag > 0 else "lead")
-    assert float(found[2]) == pytest.approx(1e3 * abs(lag), rel=0.07)
+    assert float(found[2]) == pytest.approx(1e3 * abs(lag), rel=0.07, abs=5)
+    assert not suspicion.certain
 
 
 @pytest.mark.parametrize("turn", [90, -90])
@@ -219,15 +220,6 @@ def test_torques_that_are_exchanged_and_of_the_wrong_signs_as_well(seen, manutec
     ((place, words),) = said(seen, manutec, tau=tau)
     assert place == ("joints", 3, "torque", "column")
     assert words == "axes 4 and 5: torques exchanged"
-
-
-def test_torques_that_are_late_by_more_than_an_estimate_looks_for_are_stated(seen, manutec):
-    late = np.roll(seen.tau, round(0.05 / PERIOD), axis=0)
-    (found,) = mechanical_suspicions([replace(seen, tau=late)], manutec, np.ones(6, dtype=bool))
-    assert found.message.startswith(
-        "torques of all joints have a delay of some 50 ms; record torque"
-    )
-    assert not found.certain
 
 
 def test_one_torque_that_fits_better_later_makes_those_of_all_joints_not_late(seen, manutec):
