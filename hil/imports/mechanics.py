@@ -223,7 +223,9 @@ def _misread(
     for other in others:
         # friction that drives contradicts the map, so half of the mean square suffices
         least = -n * float(np.log(LEAVES if other.brakes else EXPLAINS))
-        if other.brakes or other.gain >= least:
+        # only the signs of all torques turn all energies, and leave the misfit as it is
+        energy = not other.axes and other.gain >= least and "torques" in other.cause
+        if other.brakes or energy or stated.misfit - other.explained.misfit >= least:
             same = [each for each in others if other.gain - each.gain <= TOGETHER]
             same.sort(key=lambda each: rank_of(each.cause, *each.axes))
             yield _suspicion(stated, same[0], least, [each.named for each in same[1:]])
