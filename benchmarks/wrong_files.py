@@ -315,12 +315,13 @@ def main() -> None:
     parser.add_argument("--robots", nargs="+", default=["panda", "ur10e-on-a-wall", "manutec-r15"])
     parser.add_argument("--seed", type=int, default=23)
     parser.add_argument("--only", default="", help="mistakes whose name has these words")
+    parser.add_argument("--workers", type=int, default=2)
     given = parser.parse_args()
     numbers = [k for k, mistake in enumerate(MISTAKES) if given.only in mistake.name]
     clean = [] if given.only else [-k for k in range(1, CLEAN + 1)]
     jobs = [(robot, number) for robot in given.robots for number in (*numbers, *clean)]
     named, wronged = dict.fromkeys(numbers, 0), 0
-    with tempfile.TemporaryDirectory() as temporary, ProcessPoolExecutor(2) as pool:
+    with tempfile.TemporaryDirectory() as temporary, ProcessPoolExecutor(given.workers) as pool:
         for robot, number, said in pool.map(
             partial(one, Path(temporary), given.seed), jobs, chunksize=8
         ):

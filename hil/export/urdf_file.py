@@ -48,7 +48,7 @@ if TYPE_CHECKING:
 INERTIA = {f"i{'xyz'[i]}{'xyz'[j]}": (i, j) for i, j in zip(*np.triu_indices(3), strict=True)}
 """Attributes of an <inertia>, in the order of standard parameters, with their indices."""
 NO_CHAIN = "the longest chain has fewer moving joints"
-NO_TREE = "a tree is found by the names of its joints, and the file lacks some of them"
+NO_TREE = "a tree is found by the names of its joints, and the file lacks some"
 _ROUNDED = 1e-5
 """Tolerance for rounding, relative to the greatest moment; exporters write six digits."""
 

@@ -240,7 +240,7 @@ def _joints(columns: Sequence[SeenColumn]) -> list[dict[str, SeenColumn]]:
     joints = [{"position": column} for column, *_ in kinds.get("position", ())]
     of_positions = [numbers for *_, numbers in kinds.get("position", ())]
     for kind in ("velocity", "torque"):
-        # numbers count in order, and not as in names of joints, if one of them has no position
+        # numbers count in order, and not as in names of joints, if one has no position
         bare = (numbers for _, own, numbers in kinds.get(kind, ()) if own == set(numbers))
         apart = any(numbers not in of_positions for numbers in bare)
         pairs = [
@@ -305,7 +305,7 @@ def _not_placed(
         listed = f"{numbers[0]} to {numbers[-1]}" if successive else ", ".join(numbers)
         what = "the file has no names of columns; write the numbers of positions and torques above"
         return {f"column{'s' * (len(numbers) > 1)} {listed}": what}
-    if_one = "if measured, write it above as column"
+    if_one = "if measured, write one above as column"
     reasons = {
         "": f"meaning of the name unknown; {if_one} of a joint's position, velocity or torque",
         OTHER: f"set point or time, by the name; {if_one}",

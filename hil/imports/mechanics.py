@@ -3,20 +3,20 @@
 These errors make all results meaningless, so the import is refused. Excerpts of the recording are
 read in alternative ways (`hil.estimation.excluded.alternatives`), and all base parameters are
 fitted under each reading: a sign, two columns exchanged, degrees for radians, an offset by quarters
-of a turn, gravity along another axis. The best reading that is mechanically possible is then fitted
-with friction, and so are exchanges of axes with torques unrelated to their motion. Let r be the
-ratio of the mean square residual of an alternative reading to that of the map's reading. The map is
-refused if r is at most 1/9. The limit is 1/2 if mechanics contradict the map's reading: friction
-would drive an axis, a motion would have a negative energy, or the torques of the exchanged axes
-follow no motion. If most of the residual would be driving friction, any alternative with an equal
-fit refuses the map. All other causes are left to the estimate, which uses the whole recording.
+of a turn, gravity along another axis. Readings are compared by their misfit sum n_a log s_a^2, the
+likelihood of the residual mean squares s_a^2 of the axes, and by the chi square lost where motions
+of negative kinetic energy are excluded. The map is refused if another reading gains as much as one
+axis with a ninth of its mean square; a half suffices for two axes whose torques follow no motion.
+If most of the residual of an axis would be driving friction, any reading with an equal fit and
+without such friction refuses the map. All other causes are left to the estimate, which uses the
+whole recording.
 """
 
 from __future__ import annotations
 
 from dataclasses import replace
 from itertools import product
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
@@ -33,10 +33,11 @@ from hil.estimation.excluded.causes import CAUSES
 from hil.estimation.excluded.evidence import measured
 from hil.estimation.excluded.finding import LEAVES, TOGETHER
 from hil.estimation.excluded.result import located
+from hil.estimation.excluded.words import rank_of
 from hil.estimation.signals import signals
 from hil.estimation.simultaneous import SimultaneousFit
 from hil.imports.evidence import Suspicion
-from hil.imports.two_clocks import clock_of_torques
+from hil.imports.two_clocks import clock_of_torques, late_torques
 from hil.model.drive_train_file import USUAL_BOUND
 from hil.planning.free_motion import FreeMotion
 from hil.runs.recording import IDLE, Recording
@@ -45,6 +46,7 @@ if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
 
     from hil.arrays import Array, Mask
+    from hil.estimation.excluded.alternatives import Explained
     from hil.estimation.excluded.evidence import Evidence
     from hil.estimation.signals import Prepared, Signals
     from hil.imports.evidence import Excerpt
@@ -61,18 +63,29 @@ PLACES = {
 """Keys of a joint in the map, by cause; for other causes the place is the whole joint."""
 
 
-MAP_KEYS = {"position scale": "joints", "gravity": "robot", "no gravity": "joints"}
+MAP_KEYS: dict[str, tuple[str | int, ...]] = {
+    "position scale": ("joints",),
+    "gravity": ("robot",),
+    "no gravity": ("joints",),
+    "wrong sign of all torques": ("joints", 0, "torque", "sign"),
+}
 """Keys of the map for causes that concern no single joint."""
+EXPLAINS = 1.0 / 9.0
+"""Share of the mean square of an axis left by the reading that refuses a map, all axes multiplied.
+
+On recordings of an arm without a valid model, wrong readings leave 0.2; on those of a UR10 with one
+wrong sign, the right reading leaves at most 0.01, unless no parameter depends on the sign.
+"""
 NOTHING = 0.8
 """Minimum residual share of the torque variance for torques unrelated to the motion.
 
 Public recordings of five machines leave at most 0.05, noise in place of torques leaves 0.89.
 """
-LAGS, FAR_LAGS = (0.05, 0.1), (0.2, 0.4, 0.8)
-"""Lags of torques to try [s], beyond the lags fitted by estimates.
+LAGS = (0.2, 0.4, 0.8)
+"""Lags of torques to try [s], beyond those that `clock_of_torques` finds.
 
-Causes are a filter, a stack of software, or another computer's clock. Lags between differ from one
-of these by a third, which leaves a ninth of the mean squares.
+Causes are a stack of software, or another computer's clock. Lags between differ from one of these
+by a third, which leaves a ninth of the mean squares.
 """
 UNEXPLAINED = 0.02
 """Minimum residual share of the torque variance for far lags: a twin has 7 % at 200 ms."""
@@ -123,16 +136,12 @@ def mechanical_suspicions(
             f"torque variance of every moving joint unexplained: {_why_unrelated(smooth, shown)}",
         )
         return
-    misread = _misread(robot, excerpts, prepared, solver, shown & (share > NOTHING))
-    yield from misread or ()
-    # lags are searched if the residual variance exceeds 0.3 %: twins of robots have 0.1 %, and 0.5
-    # % with torques delayed by 50 ms
-    if not misread and (share > 0.003).any():
-        another = list(clock_of_torques(excerpts, robot, shown))
-        yield from another
-        far = bool(np.median(share) > UNEXPLAINED)
-        if not another and (misread is None or far):
-            yield from _late(robot, prepared, solver, shown, LAGS + FAR_LAGS * far)
+    misread = list(_misread(robot, excerpts, prepared, solver, shown & (share > NOTHING)))
+    yield from misread
+    another = () if misread else list(clock_of_torques(excerpts, robot, shown))
+    yield from another
+    if not misread and not another and np.median(share) > UNEXPLAINED:
+        yield from _late(robot, prepared, solver, shown)
 
 
 def _why_unrelated(torque: Array, shown: Mask) -> str:
@@ -153,75 +162,116 @@ def _why_unrelated(torque: Array, shown: Mask) -> str:
     )
 
 
+class _Other(NamedTuple):
+    """Another reading: gain of chi square, cause, axes from 0, and words."""
+
+    gain: float
+    brakes: bool
+    cause: str
+    axes: tuple[int, ...]
+    words: str
+    explained: Explained
+
+    @property
+    def named(self) -> str:
+        """Axes and words."""
+        return located([axis + 1 for axis in self.axes], self.words)
+
+
 def _misread(
     robot: Robot,
     excerpts: Sequence[Excerpt],
     prepared: Prepared,
     solver: SimultaneousFit,
     strangers: Mask,
-) -> list[Suspicion] | None:
-    """Return suspicions if another reading of the map explains the torques.
+) -> Iterator[Suspicion]:
+    """Yield a suspicion if another reading of the map explains the torques.
 
-    None if no other reading was tried. Torques of `strangers`, shape (n_joints,), do not follow the
-    motion of their axes.
+    Torques of `strangers`, shape (n_joints,), do not follow the motion of their axes.
     """
     thin = measured(robot, solver, prepared).thinned(ROWS)[0].project_out_own()
     stated = explained(robot, thin, Reading.stated(robot))
-    if len(stated.driven) > 1 and stated.driven.mean() >= 1.0 - LEAVES:
-        # the opposite torques of all axes fit as well, with the opposite parameters
-        opposite = replace(stated.reading, sign_tau=-stated.reading.sign_tau)
-        if stated.instead(opposite).driven.max() < 1.0 - LEAVES:
-            message = (
-                "torques of all joints have the wrong sign: friction would accelerate the joints "
-                f"({100 * stated.driven.mean():.0f} % of the residuals' mean squares act in the "
-                "direction of motion), and brakes them with the opposite torques; correct sign of "
-                "all torques"
-            )
-            return [Suspicion("shape", ("joints", 0, "torque", "sign"), message)]
-    driven = int(stated.driven.argmax())
-    drives = stated.driven[driven] >= 1.0 - LEAVES
-    enough = stated.misfit + (TOGETHER if drives else -TOGETHER)
     astray = set(np.flatnonzero(strangers).tolist())
-    likely, tried = [], []
-    for each in _readings(robot, thin):
-        _, axes, _, reading = each
-        here = stated.instead_below(reading, enough)
-        if here is not None and here.misfit < enough and here.possible:
-            likely.append((here.misfit, each))
-        if len(axes) == 2 and astray.issuperset(axes):
-            tried += [(*each[:3], signed) for signed in _signed(reading, axes)]
-    if likely:
-        # of equal readings the first: on an arm whose axes are parallel, gravity along them makes
-        # the same torques as none, and rounding errors would choose
-        tried.append(min(likely, key=lambda each: float(f"{each[0]:.6g}"))[1])
-    if not tried:
-        return None
-    left, cause, axes, words = min(
+    others = sorted(_others(stated), key=lambda each: -each.gain)
+    exchanged = [
+        (cause, axes, words, signed)
+        for cause, axes, words, reading in _readings(robot, thin)
+        if "exchanged" in cause and astray.issuperset(axes)
+        for signed in _signed(reading, axes)
+    ]
+    if others and "exchanged" in others[0].cause:
+        exchanged.append((*others[0][2:5], others[0].explained.reading))
+    # friction of exchanged axes follows another motion, so it is fitted anew
+    tried = [
         (_left(robot, excerpts, reading, solver, of_torques), cause, axes, words)
-        for cause, axes, words, reading in tried
+        for cause, axes, words, reading in exchanged
         for of_torques in [axes if "torque" in cause else ()]
-    )
-    # torques unrelated to the motion of their axes contradict the map, like impossible mechanics
-    contradicted = not stated.possible or (len(axes) == 2 and astray.issuperset(axes))
-    # against a possible map, a reading must leave at most a ninth of the mean squares: on
+    ]
+    left, cause, axes, words = min(tried, default=(np.inf, "", (), ""))
+    # against a possible map, an exchange must leave at most a ninth of the mean squares: on
     # recordings of an arm without a valid model other readings leave 0.22, the correct readings of
     # the maps in `benchmarks/wrong_maps.py` at most 0.07
-    if left <= (LEAVES if contradicted else 1.0 / 9.0):
-        place = ("joints", axes[0], *PLACES.get(cause, ())) if axes else (MAP_KEYS[cause],)
+    if left <= (LEAVES if not stated.possible or astray.issuperset(axes) else EXPLAINS):
         message = (
             f"{located([axis + 1 for axis in axes], words)}: this correction leaves only "
-            f"{100 * left:.2g} % of the model's mean square residual; "
-            f"{CAUSES[cause].remedy}"
+            f"{100 * left:.2g} % of the model's mean square residual; {CAUSES[cause].remedy}"
         )
-        return [Suspicion("shape", place, message)]
-    if drives and likely:
-        message = (
+        yield Suspicion("shape", ("joints", axes[0], *PLACES.get(cause, ())), message)
+        return
+    n = float(stated.counts[stated.counts > 0].mean())
+    others = [each for each in others if "exchanged" not in each.cause]
+    for other in others:
+        # friction that drives contradicts the map, so half of the mean square suffices
+        least = -n * float(np.log(LEAVES if other.brakes else EXPLAINS))
+        # only the signs of all torques turn all energies, and leave the misfit as it is
+        energy = not other.axes and other.gain >= least and "torques" in other.cause
+        if other.brakes or energy or stated.misfit - other.explained.misfit >= least:
+            same = [each for each in others if other.gain - each.gain <= TOGETHER]
+            same.sort(key=lambda each: rank_of(each.cause, *each.axes))
+            yield _suspicion(stated, same[0], least, [each.named for each in same[1:]])
+            return
+
+
+def _others(stated: Explained) -> Iterator[_Other]:
+    """Yield the readings that explain the torques better, or as well without driving friction."""
+    driven, most = int(stated.driven.argmax()), float(stated.driven.max())
+    drives = most >= 1.0 - LEAVES
+    stated_misfit = stated.misfit + stated.negative
+    least = -TOGETHER if drives else TOGETHER
+    for cause, axes, words, reading in _readings(stated.robot, stated.evidence):
+        here = stated.instead_below(reading, stated_misfit - least)
+        if here is not None and (here.possible or "exchanged" not in cause):
+            gain = stated_misfit - here.misfit - here.negative
+            # a reading without the motion's or the torque's sign cures driving friction by chance
+            brakes = drives and reading.sign_q[driven] * reading.sign_tau[driven] < 0
+            brakes &= (1.0 - here.driven.max()) * LEAVES >= 1.0 - most
+            if gain > (least if brakes or not drives else TOGETHER):
+                yield _Other(gain, brakes, cause, axes, words, here)
+
+
+def _suspicion(stated: Explained, other: _Other, least: float, equal: Sequence[str]) -> Suspicion:
+    """Return the suspicion of a sign, a scale, a zero or gravity, with equally good readings."""
+    here, axes = other.explained, other.axes
+    words = f"{'; or '.join([other.named, *equal])}: "
+    place = ("joints", axes[0], *PLACES.get(other.cause, ())) if axes else MAP_KEYS[other.cause]
+    remedy, driven = CAUSES[other.cause].remedy, int(stated.driven.argmax())
+    if stated.misfit - here.misfit >= least:
+        left = here.left / stated.left
+        reason = (
+            f"this correction leaves only {100 * left.min():.2g} % of the mean square residual of "
+            f"joint {int(left.argmin()) + 1}"
+        )
+    elif other.brakes:
+        reason = (
             f"friction would accelerate joint {driven + 1}: {100 * stated.driven[driven]:.0f} % "
-            "of the residual's mean square acts in the direction of motion; correct the sign of "
-            "its torque or of its position"
+            "of the residual's mean square acts in the direction of motion"
         )
-        return [Suspicion("shape", ("joints", driven, "torque", "sign"), message)]
-    return []
+        if axes:
+            words, remedy = "", "correct the sign of the torque or of the position"
+            place = ("joints", driven, "torque", "sign")
+    else:
+        reason = "some motions would have a negative kinetic energy"
+    return Suspicion("shape", place, f"{words}{reason}; {remedy}")
 
 
 def _signed(reading: Reading, axes: Sequence[int]) -> Iterator[Reading]:
@@ -259,9 +309,9 @@ def _read(excerpt: Excerpt, reading: Reading) -> Excerpt:
 
 
 def _late(
-    robot: Robot, prepared: Prepared, solver: SimultaneousFit, shown: Mask, lags: Sequence[float]
+    robot: Robot, prepared: Prepared, solver: SimultaneousFit, shown: Mask
 ) -> Iterator[Suspicion]:
-    """Yield a suspicion for torques delayed or early beyond the lags fitted by estimates.
+    """Yield a suspicion for torques that are late or early by one of the `LAGS`.
 
     A lag common to all joints leaves half of the mean squares or less, in the median over the
     joints `shown`, shape (n_joints,). A single joint may improve little, because many parameters
@@ -275,17 +325,11 @@ def _late(
         ratio = solver.weight / SimultaneousFit(robot, advanced).weight
         return float(np.median(ratio[shown])), lag
 
-    left, lag = min(left_at(sign * lag) for lag in lags for sign in (1, -1))
+    left, lag = min(left_at(sign * lag) for lag in LAGS for sign in (1, -1))
     if left <= LEAVES:
-        for step in (0.25, 0.12) if abs(lag) >= max(LAGS) else ():  # to 6 %
+        for step in (0.25, 0.12):  # to 6 %
             left, lag = min((left, lag), *(left_at(lag * (1 + k * step)) for k in (-1, 1)))
-        yield Suspicion(
-            "shape",
-            ("joints", 0, "torque"),
-            f"torques of all joints have a {'delay' if lag > 0 else 'lead'} of some "
-            f"{float(f'{1e3 * abs(lag):.2g}'):.0f} ms; {CAUSES['torque delay'].remedy}",
-            certain=False,
-        )
+        yield late_torques(lag)
 
 
 def _readings(robot: Robot, thin: Evidence) -> Iterator[tuple[str, tuple[int, ...], str, Reading]]:

@@ -13,6 +13,7 @@ from hil.imports.clipped import clipped_positions
 from hil.imports.evidence import Evidence, Suspicion, even_samples, excerpts_of
 from hil.imports.mixed_rows import source_suspicions
 from hil.imports.plausibility import suspicions
+from hil.imports.rounded import rounded_torques
 from hil.imports.samples import columns_of, positions_reached, read_samples
 from hil.imports.segments import (
     SHORTEST,
@@ -140,11 +141,13 @@ def interpret(
     alone = the_map.content.kind
     evidence = Evidence.join(excerpts)
     moving = None if alone is None else alone - 1
+    rows = [stretch.rows for stretch in timing.stretches]
     found = suspicions(
         excerpts, evidence, robot, moving, the_map.unknown_gains, the_map.passive,
-        partial(positions_reached, samples, [stretch.rows for stretch in timing.stretches]),
+        partial(positions_reached, samples, rows),
         the_map.content.time.rate if the_map.content.time else None,
     )  # fmt: skip
+    found += rounded_torques(samples, rows, evidence.moves)
     # the following checks of the rate use the remaining rows only
     if (held := timing.counts.held) > 1:
         repeat = f"values repeat over {held} rows each; without repeated rows, "

@@ -78,8 +78,9 @@ def suspicions(
         most = np.abs(evidence.tau).max(axis=0)
         low = [] if unknown_gains else [*small(evidence, robot, "torque", most, robot.torque_limit)]
         found += low
+    uneven: list[Suspicion] = []
     if not any(suspicion.certain for suspicion in found):  # otherwise no equations are needed
-        clock = list(clock_suspicions(excerpts, evidence, robot, rate))
+        clock = uneven = list(clock_suspicions(excerpts, evidence, robot, rate))
         # a common factor of all velocities gives a single suspicion, not further ones of speeds and
         # positions
         found = clock + found
@@ -99,7 +100,10 @@ def suspicions(
         found += small(evidence, robot, "position", ways, widths) if alone is None else ()
         # stated rotor inertias contradict torques of another unit or side
         shown = evidence.moves & ~coarse(evidence) & (np.ptp(evidence.tau, axis=0) > 0)
-        found += () if unknown_gains or low else mechanical_suspicions(excerpts, robot, shown)
+        # accelerations of a wrong or uneven rate contradict any map
+        found += (
+            () if unknown_gains or low or uneven else mechanical_suspicions(excerpts, robot, shown)
+        )
     return sorted(found, key=lambda suspicion: not suspicion.certain)
 
 

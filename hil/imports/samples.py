@@ -54,7 +54,7 @@ class Samples:
     begins : tuple of int
         First row of each file.
     restarts : tuple of int
-        Rows that repeat the header of their file.
+        Rows that repeat the header of a file.
     from_date : bool
         True if stamps count from a date.
     wraps : int

@@ -252,7 +252,7 @@ def _shorter_chain(the_map: MapFile, robot: Robot) -> str:
         return ""
     if not robot.is_chain:
         return (
-            "; for a part of this tree name its last links: robot: {urdf: "
+            "; for a part of this tree name the last links: robot: {urdf: "
             f"{stated.urdf or stated.name}, to: LINK}}, several in quotes, separated by commas"
         )
     if Path(robot.source).suffix != ".urdf":

@@ -9,7 +9,8 @@ recorded with a lag l that obeys y = X p without lag obeys
 This is solved by least squares over p and a lag l per part of the recording, common to all joints,
 with Newton's iteration. For torques p holds base parameters and friction of the axes, for
 velocities a scale per joint. Varying lags are stated if they leave half of the mean squares left by
-a constant lag, or less, in the geometric mean over the joints.
+a constant lag, or less, in the geometric mean over the joints; a constant lag of the torques if it
+leaves half of those without a lag.
 """
 
 from __future__ import annotations
@@ -18,6 +19,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
+from hil.estimation.excluded.causes import CAUSES
 from hil.estimation.excluded.finding import LEAVES
 from hil.imports.evidence import Suspicion, half_width
 from hil.model.dynamics import regressor
@@ -62,7 +64,7 @@ class _Lags(NamedTuple):
 
 
 def clock_of_torques(excerpts: Sequence[Excerpt], robot: Robot, shown: Mask) -> Iterator[Suspicion]:
-    """Yield a suspicion where the lag of all torques changes along the recording.
+    """Yield a suspicion where all torques lag, by a changing or a constant time.
 
     Parameters
     ----------
@@ -77,7 +79,7 @@ def clock_of_torques(excerpts: Sequence[Excerpt], robot: Robot, shown: Mask) -> 
         columns = [regressor(robot, q, qd, qdd), _block_diagonal(own)]
         return np.concatenate(columns, axis=2), motor_torque(robot, q, qd, qdd)
 
-    yield from _suspicion(excerpts, shown, "tau", rows)
+    yield from _suspicion(excerpts, shown, "tau", rows, constant=True)
 
 
 def clock_of_velocities(excerpts: Sequence[Excerpt], shown: Mask) -> Iterator[Suspicion]:
@@ -109,6 +111,8 @@ def _suspicion(
     shown: Mask,
     key: str,
     columns: Callable[[Array, Array, Array], tuple[Array, Array]],
+    *,
+    constant: bool = False,
 ) -> Iterator[Suspicion]:
     parts = [
         max(1, min(PARTS // len(excerpts), int(len(each.q) * each.period / SHORTEST)))
@@ -121,18 +125,36 @@ def _suspicion(
         part = (first + np.arange(len(samples)) * n // len(samples)) * PARTS // most
         rows.append(_Rows(each, key, samples, X[:, shown], known[:, shown], part))
         first += n
-    if first < 2 or not shown.any():
+    if not shown.any():
         return
-    one = _lags([each._replace(part=0 * each.part) for each in rows], shown)
-    many = _lags(rows, shown)
-    tiny = np.finfo(float).tiny
-    # geometric mean, since a clock affects all joints, but a model error only some of them
-    left = np.log(np.maximum(many.left, tiny)) - np.log(np.maximum(one.left, tiny))
+    together = [each._replace(part=0 * each.part) for each in rows]
+    one, many = _lags(together, shown), _lags(rows, shown) if first > 1 else None
     # the instant of a row is known within a period
-    if left.mean() <= np.log(LEAVES) and np.ptp(many.lags) > excerpts[0].period:
+    if many and _left(many, one) <= LEAVES and np.ptp(many.lags) > excerpts[0].period:
         name = {"tau": "torque", "qd": "velocity"}[key]
         check: Check = "shape" if key == "tau" else "velocity"
         yield Suspicion(check, ("joints", 0, name), _words(name, many), certain=False)
+    elif constant and _left(one, _lags(together, shown, reach=0.0)) <= LEAVES:
+        yield late_torques(float(one.lags[0]))
+
+
+def late_torques(lag: float) -> Suspicion:
+    """Return the suspicion of torques with a constant lag [s]."""
+    message = (
+        f"torques of all joints have a {'delay' if lag > 0 else 'lead'} of some "
+        f"{float(f'{1e3 * abs(lag):.2g}'):.0f} ms; {CAUSES['torque delay'].remedy}"
+    )
+    return Suspicion("shape", ("joints", 0, "torque"), message, certain=False)
+
+
+def _left(found: _Lags, other: _Lags) -> float:
+    """Return the ratio of mean squares, the geometric mean over the joints.
+
+    A clock affects all joints, but a model error only some.
+    """
+    tiny = np.finfo(float).tiny
+    logs = [np.log(np.maximum(each.left, tiny)) for each in (found, other)]
+    return float(np.exp((logs[0] - logs[1]).mean()))
 
 
 def _words(name: str, found: _Lags) -> str:
@@ -159,8 +181,8 @@ def _words(name: str, found: _Lags) -> str:
     )
 
 
-def _lags(rows: Sequence[_Rows], shown: Mask) -> _Lags:
-    """Find the lags of all parts of the recording."""
+def _lags(rows: Sequence[_Rows], shown: Mask, reach: float = REACH) -> _Lags:
+    """Find the lags of all parts of the recording; without lags for a `reach` of 0."""
     part = np.unique(np.concatenate([each.part for each in rows]), return_inverse=True)[1]
     X, known = (np.concatenate([getattr(r, name) for r in rows]) for name in ("X", "known"))
     time = np.concatenate([r.excerpt.begin + r.samples * r.excerpt.period for r in rows])
@@ -168,12 +190,12 @@ def _lags(rows: Sequence[_Rows], shown: Mask) -> _Lags:
     lags, weight, tiny = np.zeros(one.shape[1]), np.zeros(0), np.finfo(float).tiny
     finest = min(r.excerpt.period for r in rows) / 4
     ends = np.cumsum([len(r.samples) for r in rows])[:-1]
-    for _ in range(ROUNDS):
+    for number in range(ROUNDS):
         late = np.split(lags[part], ends)
         each = [_columns(r, lag) for r, lag in zip(rows, late, strict=True)]
         y, slopes = (np.concatenate(x)[:, shown] for x in zip(*each, strict=True))
         y = y - known
-        columns = np.concatenate([X, -slopes[:, :, None] * one[:, None, :]], axis=2)
+        columns = np.concatenate([X, -(reach > 0) * slopes[:, :, None] * one[:, None, :]], axis=2)
         if not len(weight):
             weight = 1.0 / np.maximum(y.var(axis=0), tiny)
         N = np.einsum("nja,j,njb->ab", columns, weight, columns, optimize=True)
@@ -182,9 +204,9 @@ def _lags(rows: Sequence[_Rows], shown: Mask) -> _Lags:
         x = np.linalg.lstsq(N / np.outer(scale, scale), v / scale, rcond=1e-10)[0] / scale
         left = np.mean((y - columns @ x) ** 2, axis=0)
         weight = 1.0 / np.maximum(left, tiny)
-        change = np.clip(x[-len(lags) :], -REACH, REACH)
+        change = np.clip(x[-len(lags) :], -reach, reach)
         lags = lags + change
-        if np.abs(change).max() < finest:
+        if number and np.abs(change).max() < finest:
             break
     return _Lags(lags, one.T @ time / one.sum(axis=0), left)
 

@@ -124,7 +124,7 @@ def _reach(robot: Robot, ends: Array, link: int, joint: int) -> float:
 
 
 def _length(robot: Robot, joint: int) -> float:
-    """Return the maximum distance of a frame's origin from its parent's [m]."""
+    """Return the maximum distance of a frame's origin from the parent's [m]."""
     return float(np.hypot(*_offset(robot, joint))) + abs(float(robot.b[joint]))
 
 

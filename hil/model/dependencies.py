@@ -93,7 +93,7 @@ def influences(robot: Robot) -> tuple[Array, Array]:
     """
     random = np.random.default_rng(22)
     # one would suffice for occurrence; for the rank, an element of M with parameters that no other
-    # element shows needs as many as it has, and each branch has its own
+    # element shows needs as many, and each branch others
     number = 12 * len(robot.last_links)
     configurations = random.uniform(-np.pi, np.pi, (number, robot.n_joints))
     found = [_influences_at(robot, q) for q in configurations]

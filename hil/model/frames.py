@@ -1,11 +1,11 @@
 """Frames in modified Denavit-Hartenberg notation, and transformations between frames.
 
 Frame j results from its parent's frame by a rotation alpha and shift d about x, then a rotation
-theta and shift r about z (Khalil and Kleinfinger 1986); joint j moves about or along its own z. In
-a tree the x axis of the parent's frame leads to one child; other frames start with a rotation gamma
-and a shift b about the parent's z. The pose determines the maps of velocities (angular, linear) and
-of a body's ten standard parameters. Entries are numbers or, for readable expressions, polynomials
-in named lengths.
+theta and shift r about z (Khalil and Kleinfinger 1986); joint j moves about or along z of frame j.
+In a tree the x axis of the parent's frame leads to one child; other frames start with a rotation
+gamma and a shift b about the parent's z. The pose determines the maps of velocities (angular,
+linear) and of a body's ten standard parameters. Entries are numbers or, for readable expressions,
+polynomials in named lengths.
 """
 
 from __future__ import annotations
@@ -59,7 +59,7 @@ def cos_sin(angle: float) -> tuple[float, float]:
 def frame_pose(
     alpha: float, d: Any, theta: float, r: Any, gamma: float = 0.0, b: Any = 0.0
 ) -> NDArray[Any]:
-    """Compute the pose of a frame in its parent's frame; lengths may be polynomials."""
+    """Compute the pose of a frame in the parent's frame; lengths may be polynomials."""
     ca, sa = cos_sin(alpha)
     ct, st = cos_sin(theta)
     rows = [

@@ -71,7 +71,7 @@ _ALONG: Vector = (ZERO, ZERO, ONE)
 
 @dataclass(frozen=True, slots=True)
 class Joint:
-    """Frame of a joint relative to its parent's frame, at the joint's position.
+    """Frame of a joint relative to the parent's frame, at the joint's position.
 
     Attributes
     ----------
@@ -171,7 +171,7 @@ def rigid_bodies(
     Parameters
     ----------
     tree : sequence of Joint
-        Joints after their parents.
+        Joints after the parents.
     bodies : sequence of ten scalars each, shape (n_joints, 10)
         Parameters of each link in the order of eq. (4).
     qd, qdd : sequence of scalars

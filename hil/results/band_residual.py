@@ -71,6 +71,7 @@ def band_residual(model: Model, recorded: Recorded) -> BandResidual | None:
     """
     n_joints = model.robot.n_joints
     squares, counts = np.zeros((6, n_joints)), np.zeros((6, n_joints))
+    noise = np.zeros(n_joints)
     unknown = [axis - 1 for axis in model.axes_without_friction]
     if len(unknown) == n_joints:
         return None
@@ -85,6 +86,7 @@ def band_residual(model: Model, recorded: Recorded) -> BandResidual | None:
         whole = isinstance(motion, FreeMotion)
         used = np.ones(recording.n_samples, dtype=bool) if whole else recording.active
         axes = [axis for axis in motion.moved if axis not in unknown]
+        own = np.zeros((6, len(axes)))
         for each in _motions(model, recording, used, axes) if axes else ():
             every = each.counts
             moved, left = every & ~each.rests, each.filtered - each.predicted
@@ -93,17 +95,37 @@ def band_residual(model: Model, recorded: Recorded) -> BandResidual | None:
                 (each.filtered, moved), (each.filtered - each.smoothed, moved),
                 (each.recorded, every), (each.recorded - each.predicted, every),
             )  # fmt: skip
-            squares[:, axes] += [np.sum(np.where(mask, x, 0.0) ** 2, axis=0) for x, mask in rows]
+            own += [np.sum(np.where(mask, x, 0.0) ** 2, axis=0) for x, mask in rows]
             counts[:, axes] += [mask.sum(axis=0) for _, mask in rows]
+        squares[:, axes] += own
+        if (own[3] > own[2]).any():  # the model is worse than none, or positions are noisy
+            noise[axes] += _noise(model, recording, used, axes)
     if not counts.any():
         return None
+    squares, counts = np.vstack([squares, noise]), np.vstack([counts, counts[3]])
     roots = np.sqrt(squares / np.maximum(counts, 1.0)).tolist()
     found = [
         tuple(x if n else None for x, n in zip(*pair, strict=True))
         for pair in zip(roots, counts.tolist(), strict=True)
     ]
-    names = ("torque", "left", "moving", "smoothed", "recorded", "unfiltered")
+    names = ("torque", "left", "moving", "smoothed", "recorded", "unfiltered", "noise")
     return BandResidual(band=BAND, **dict(zip(names, found, strict=True)))
+
+
+def _noise(model: Model, recording: Recording, used: Mask, axes: Sequence[int]) -> Array:
+    """Return the sum of squares of the smoothed prediction due to noise of positions, (n_axes,).
+
+    As much noise as the positions have is added to them, and changes the prediction.
+    """
+    period = float(np.median(np.diff(recording.time)))
+    drawn = np.random.default_rng(0).standard_normal(recording.q.shape)
+    noisy = replace(recording, q=recording.q + extent(recording.q, period).noise * drawn)
+    both = (_motions(model, each, used, axes) for each in (recording, noisy))
+    found = np.zeros(len(axes))
+    for each, other in zip(*both, strict=True):
+        moved = each.counts & ~each.rests
+        found += np.sum(np.where(moved, other.smoothed - each.smoothed, 0.0) ** 2, axis=0)
+    return found
 
 
 def _motions(

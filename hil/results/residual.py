@@ -34,7 +34,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from checked_files.yaml_file import FileModel
-from hil.results.judgement import NOTABLE, doubtful
+from hil.results.judgement import NOTABLE, doubtful, failed
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator
@@ -61,6 +61,9 @@ class BandResidual(FileModel):
         Root mean squares as above while the axis moves, with a filtered prediction.
     recorded, unfiltered : tuple of float or None
         Root mean squares as above with the torque as recorded.
+    noise : tuple of float or None
+        Part of `smoothed` due to the noise of positions, from motions whose `smoothed` exceeds the
+        torque; empty in files of earlier versions.
     """
 
     band: float
@@ -70,6 +73,19 @@ class BandResidual(FileModel):
     smoothed: tuple[float | None, ...]
     recorded: tuple[float | None, ...]
     unfiltered: tuple[float | None, ...]
+    noise: tuple[float | None, ...] = ()
+
+    @property
+    def worse_than_none(self) -> Mask:
+        """Axes whose residual exceeds the torque itself, even without the noise of positions.
+
+        Noise adds to the mean square, so the model without noise leaves the difference.
+        """
+        if not self.noise:
+            return np.zeros(len(self.torque), dtype=bool)
+        squares = (np.nan_to_num(_array(x)) ** 2 for x in (self.smoothed, self.noise, self.moving))
+        left, noise, torque = squares
+        return np.asarray(left - noise > torque)
 
     @property
     def relative(self) -> Array:
@@ -126,7 +142,9 @@ class BandResidual(FileModel):
 
 
 def unexplained(found: BandResidual | None, limit: Array, accuracy: float) -> Iterator[Reservation]:
-    """Return a doubt for each loaded axis with a large residual, the worst first.
+    """Return an objection to each loaded axis with a large residual, the worst first.
+
+    A model fails that predicts the torque of an axis worse than the torque 0 does.
 
     Parameters
     ----------
@@ -139,8 +157,17 @@ def unexplained(found: BandResidual | None, limit: Array, accuracy: float) -> It
     if found is None:
         return
     left = np.where(found.loaded(limit), np.nan_to_num(found.relative_smoothed), 0.0)
+    worse = found.worse_than_none
     for axis in np.argsort(-left, kind="stable").tolist():
-        if left[axis] > accuracy:
+        if left[axis] > accuracy and worse[axis]:
+            yield failed(
+                f"axis {axis + 1}: residual {_percent(left[axis])} of the torque up to "
+                f"{found.band:g} Hz, and noise of positions explains only "
+                f"{_percent(float(_ratio(found.noise, found.moving)[axis]))}: the model is worse "
+                "than none",
+                "check column, sign and unit of its torque, its gear ratio and rotor inertia",
+            )
+        elif left[axis] > accuracy:
             yield doubtful(
                 f"axis {axis + 1}: residual {_percent(left[axis])} of the torque up to "
                 f"{found.band:g} Hz, at most {_percent(accuracy)} allowed (--accuracy)",

@@ -221,27 +221,35 @@ class Explained:
         """True if friction dissipates power and all motion has positive energy, within noise."""
         # noise of n samples has a share r^2 along a given direction, with n r^2 / (1 - r^2) about 1
         most = self.dispersion * _beyond(len(self.driven)) * (1.0 - self.driven)
-        return not (self.counts * self.driven > most).any() and not self._negative
+        return not (
+            (self.counts * self.driven > most).any()
+            or self.negative > self.dispersion * _beyond(self._some.size)
+        )
 
     @property
-    def _negative(self) -> bool:
-        """True if some motion has a negative kinetic energy beyond the error of `p`.
+    def _some(self) -> Array:
+        """Configurations for the mass matrix, shape (n, n_joints)."""
+        q = self.reading.motion(self.evidence)[0]
+        return q[:: max(1, len(q) // CONFIGURATIONS)]
 
-        The energy of a motion v is v'(M(q) + rotors) v, which is linear in p, as is its error.
+    @cached_property
+    def negative(self) -> float:
+        """Chi square lost by the nearest parameters without motions of negative kinetic energy.
+
+        The energy of a motion v is E = v'(M(q) + rotors) v, linear in p. For a positive E the
+        misfit must increase by E^2 over its variance, if the noise is white.
         """
-        robot, q = self.robot, self.reading.motion(self.evidence)[0]
-        some = q[:: max(1, len(q) // CONFIGURATIONS)]
+        robot, some = self.robot, self._some
         rotors = np.diag(robot.reflected_inertia / self.reading.gear**2)
         energies, motions = np.linalg.eigh(mass_matrix(robot, self.p, some) + rotors)
-        below = energies[:, 0] < 0
-        if not below.any():
-            return False
-        v, n = motions[below, :, 0], len(self.p)
-        A = regressor(robot, some[below], np.zeros_like(v), v, gravity=np.zeros(3))
+        if not (energies < 0).any():
+            return 0.0
+        at, which = np.nonzero(energies < 0)
+        v, n = motions[at, :, which], len(self.p)
+        A = regressor(robot, some[at], np.zeros_like(v), v, gravity=np.zeros(3))
         a = np.einsum("ij,ijk->ik", v, A)
-        covariance = self.dispersion * inverse(self.information)[:n, :n]
-        variance = np.einsum("ij,jk,ik->i", a, covariance, a)
-        return bool(np.any(energies[below, 0] ** 2 > _beyond(len(some)) * variance))
+        variance = np.einsum("ij,jk,ik->i", a, inverse(self.information)[:n, :n], a)
+        return float(np.max(energies[at, which] ** 2 / np.maximum(variance, np.finfo(float).tiny)))
 
 
 class Alternative(NamedTuple):
@@ -458,6 +466,9 @@ def discrete(robot: Robot, evidence: Evidence) -> Iterator[tuple[str, tuple[int,
             if {i, j} <= driven:
                 yield "two axes exchanged", (i, j), replace(stated, order=both, torques=both)
                 yield "two torques exchanged", (i, j), replace(stated, torques=both)
+    if len(driven) > 1:
+        signs = np.where(np.isin(range(robot.n_joints), list(driven)), -1.0, 1.0)
+        yield "wrong sign of all torques", (), replace(stated, sign_tau=signs)
     if np.any(robot.gravity):  # first moments of links remain in the torques of inertia
         yield "no gravity", (), replace(stated, gravity=np.zeros(3))
 

@@ -98,6 +98,11 @@ CAUSES = {
         "correct the sign of its current in the drives file, or of its torque in the map",
         whole=True,
     ),
+    "wrong sign of all torques": Cause(
+        "torques of all joints have the wrong sign", "", "", 0.0,
+        "correct the sign of all torques in the map, or of all currents in the drives file",
+        whole=True,
+    ),
     "wrong direction of an axis": Cause(
         "position and torque have the opposite sign", "", "", 0.0,
         "reverse its sign in the drives file or in the map, or its frame in the robot file",

@@ -130,7 +130,7 @@ class Evidence:
 
     @property
     def overlap(self) -> float:
-        """Dispersion of white noise: rows closer than the window's width share its samples."""
+        """Dispersion of white noise: rows closer than the window's width share samples."""
         found = np.ones(len(self.axis))
         for rows, _ in self.parts:
             apart = np.diff(self.sample[rows])

@@ -4,7 +4,7 @@ A message names its joints, in any order and not always all of them; so columns 
 ``position/elbow``, ``velocity/elbow``, ``effort/elbow``. The columns ``sec`` and ``nanosec`` are
 the stamp of the message's header, ``time`` is this stamp, ``received`` that of the bag, both in ns.
 
-Messages that name no joints have their numbers instead: ``position/1``; so does a part with another
+Messages that name no joints have numbers instead: ``position/1``; so does a part with another
 number of values than of names, as efforts without those of a gripper. An MCAP file without its
 end is read as far as it goes (`cut_mcap`).
 

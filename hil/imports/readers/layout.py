@@ -26,7 +26,7 @@ _GROUPED = {
     )
     for mark in ",."
 }
-"""Digits in groups of three, by their separator."""
+"""Digits in groups of three, by separator."""
 _THOUSANDS = {
     ",": re.compile(r"[+-]?\d{1,3}(,\d{3})+\.\d*"),
     ".": re.compile(r"[+-]?\d{1,3}(\.\d{3})+,\d*"),

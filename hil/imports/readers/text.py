@@ -70,7 +70,7 @@ class TextTable:
     Attributes
     ----------
     headers : list of int
-        Rows, from 0, that repeat the header, found while blocks are read; their values are missing.
+        Rows, from 0, that repeat the header, found while blocks are read; the values are missing.
     """
 
     time: tuple[int, ...] = ()

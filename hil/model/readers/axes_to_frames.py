@@ -89,7 +89,7 @@ def find_frames(chain: UrdfChain) -> Frames:
         frame = _place_frame(origin, x, z[j])
         step = inverse(frame if before is None else before) @ frame
         if k is None and before is not None:
-            # the last frame has neither rotation nor shift about its own axis
+            # the last frame has neither rotation nor shift about the joint's axis
             frame = before @ frame_pose(*_parameters(step)[:2], 0.0, 0.0)
             step = inverse(before) @ frame
         directions.append(x)

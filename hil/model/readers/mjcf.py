@@ -204,7 +204,7 @@ class _Reader:
         return last
 
     def _bodies(self, base: str | None, tips: Sequence[str]) -> tuple[list[int], Sequence[str]]:
-        """Return the bodies from below the base to the tips, after their parents, and the tips."""
+        """Return the bodies from below the base to the tips, parents first, and the tips."""
         names = {self.name(body): body for body in range(self.model.nbody)}
         for each in filter(None, (base, *tips)):
             if each not in names:

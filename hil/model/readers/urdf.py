@@ -330,7 +330,7 @@ class UrdfReader:
         chains: Mapping[str, tuple[int, list[UrdfEdge]]],
         following: Sequence[tuple[int, Element]],
     ) -> list[str]:
-        """Return the last links of a tree; its joints follow no others."""
+        """Return the last links of a tree, whose joints follow no others."""
         if following:
             raise self._mimics(following[0][1])
         carriers = {edge.parent for _, edges in chains.values() for edge in edges}

@@ -96,3 +96,19 @@ def test_joints_at_rest_and_motions_with_stops_are_not_held():
     assert rows_held(np.full(20_000, 0.3)) == 1
     assert rows_held(np.round(np.clip(np.sin(t), -0.3, 0.3), 4)) == 1
     assert rows_held(np.where(t % 2 < 1, 0.0, np.sin(9 * t))) == 1
+
+
+def test_torques_in_coarse_steps_are_named_with_the_step_and_its_share(tmp_path):
+    columns = table(20.0, RATE)
+    rms = float(np.sqrt(np.mean(columns["m2"] ** 2)))
+    _, fine = made(tmp_path, columns | {"m2": 0.2 * rms * np.round(columns["m2"] / rms / 0.2)})
+    assert "coarse" not in fine
+    step = 0.5 * rms
+    own = tmp_path / "own"
+    own.mkdir()
+    _, stated = made(own, columns | {"m2": step * np.round(columns["m2"] / step)})
+    assert re.search(
+        rf"joints\.1\.torque: torques are recorded in coarse steps: joint 2 {step:.3g} \(SI\), "
+        r"(49|50|51)% of its rms",
+        stated,
+    )

@@ -57,10 +57,39 @@ def test_a_joint_without_friction_raises_no_suspicion(seen, manutec):
 def test_torques_that_all_have_the_wrong_sign(seen, manutec):
     ((place, message),) = said(seen, manutec, tau=-seen.tau)
     assert place == ("joints", 0, "torque", "sign")
-    assert message.startswith("torques of all joints have the wrong sign: friction would accel")
+    assert message == "torques of all joints have the wrong sign"
 
 
-@pytest.mark.parametrize("lag", [-0.9, -0.3, 0.15, 0.6])
+@pytest.mark.parametrize(("friction", "words"), [(0, "some motions would"), (1, "friction would")])
+def test_torques_that_all_have_the_wrong_sign_where_no_rotor_is_known(
+    seen, manutec, friction, words
+):
+    robot = parse_robot(
+        re.sub(r"rotor_inertia: [\d.e-]+", "rotor_inertia: unknown", manutec.text), ""
+    )
+    tau = seen.tau - (1 - friction) * 10 * np.tanh(np.gradient(seen.q, PERIOD, axis=0) / 0.03)
+    assert said(seen, robot, tau=tau) == []
+    ((place, message),) = said(seen, robot, tau=-tau)
+    assert place == ("joints", 0, "torque", "sign")
+    assert message.startswith(f"torques of all joints have the wrong sign: {words}")
+
+
+@pytest.mark.parametrize("axis", [2, 4])
+@pytest.mark.parametrize("which", [("q", "tau"), ("tau",)])
+def test_a_sign_on_an_arm_whose_last_axis_seems_to_have_a_negative_inertia(
+    seen, manutec, which, axis
+):
+    # as with torques that a filter delays: the model is not exact, its noise not white
+    qdd = np.gradient(np.gradient(seen.q, PERIOD, axis=0), PERIOD, axis=0)
+    tau = seen.tau - np.eye(6)[5] * 3.0 * qdd
+    wrong, inexact = np.where(np.arange(6) == axis, -1.0, 1.0), replace(seen, tau=tau)
+    assert said(inexact, manutec) == []
+    changes = {name: wrong * getattr(inexact, name) for name in which}
+    ((place, _),) = said(inexact, manutec, **changes)
+    assert place[:2] == ("joints", axis)
+
+
+@pytest.mark.parametrize("lag", [-0.9, -0.3, -0.02, 0.02, 0.15, 0.6])
 def test_a_lag_of_all_torques_is_named_whatever_its_size(seen, manutec, lag):
     late = np.array([np.interp(T - lag, T, tau) for tau in seen.tau.T]).T
     shown = np.ones(manutec.n_joints, dtype=bool)
@@ -70,7 +99,8 @@ def test_a_lag_of_all_torques_is_named_whatever_its_size(seen, manutec, lag):
     )
     assert found
     assert found[1] == ("delay" if lag > 0 else "lead")
-    assert float(found[2]) == pytest.approx(1e3 * abs(lag), rel=0.07)
+    assert float(found[2]) == pytest.approx(1e3 * abs(lag), rel=0.07, abs=5)
+    assert not suspicion.certain
 
 
 @pytest.mark.parametrize("turn", [90, -90])
@@ -190,15 +220,6 @@ def test_torques_that_are_exchanged_and_of_the_wrong_signs_as_well(seen, manutec
     ((place, words),) = said(seen, manutec, tau=tau)
     assert place == ("joints", 3, "torque", "column")
     assert words == "axes 4 and 5: torques exchanged"
-
-
-def test_torques_that_are_late_by_more_than_an_estimate_looks_for_are_stated(seen, manutec):
-    late = np.roll(seen.tau, round(0.05 / PERIOD), axis=0)
-    (found,) = mechanical_suspicions([replace(seen, tau=late)], manutec, np.ones(6, dtype=bool))
-    assert found.message.startswith(
-        "torques of all joints have a delay of some 50 ms; record torque"
-    )
-    assert not found.certain
 
 
 def test_one_torque_that_fits_better_later_makes_those_of_all_joints_not_late(seen, manutec):

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+import yaml
 from real_recordings import DATA, EMPS, at_hand
 
 from checked_files.yaml_file import FileError
@@ -82,3 +83,26 @@ def test_motors_taken_for_joints_are_found(tmp_path):
     text = tx40().replace("position_side: motor", "position_side: joint")
     with pytest.raises(FileError, match=r"the motor's side at a gear ratio of 32"):
         imported(tmp_path, text)
+
+
+@pytest.mark.parametrize(
+    ("joint", "parts", "says"),
+    [
+        (2, ("position", "velocity", "torque"), "axis 2: position and torque have the opposite"),
+        (4, ("position", "velocity", "torque"), "axis 4: position and torque have the opposite"),
+        (4, ("torque",), "axis 4: wrong sign of the torque"),
+        (6, ("torque",), "friction would accelerate joint 6"),
+        (1, ("torque",), "axis 1: wrong sign of the torque"),
+    ],
+)
+def test_a_wrong_sign_of_an_arm_with_noise_that_is_not_white(tmp_path, joint, parts, says):
+    text = (
+        (DATA / "ur10" / "train.map.yaml")
+        .read_text()
+        .replace("ur10.robot", f"{DATA}/ur10/ur10.robot")
+    )
+    content = yaml.safe_load(text.replace("exc.db3", f"{DATA}/ur10/exc.db3"))
+    for part in parts:
+        content["joints"][joint - 1][part]["sign"] = -1
+    with pytest.raises(FileError, match=says):
+        imported(tmp_path, yaml.safe_dump(content))

@@ -160,6 +160,26 @@ def test_good_needs_accuracy_on_every_axis_that_carries_load(model: Model) -> No
     assert not [each for each in wide.reasons if "(--accuracy)" in each.reason]
 
 
+def test_a_model_that_is_worse_than_none_has_failed(model: Model, data: FreeRecorded) -> None:
+    wrong = replace(model, values=-20.0 * TRUTH)
+    found = verdict(replace(model, band_residual=band_residual(wrong, data)))
+    (worse, *_) = (each for each in found.reasons if "worse than none" in each.reason)
+    assert worse.word == "failed"
+    assert "noise of positions explains only" in worse.reason
+
+
+def test_noise_of_positions_makes_no_model_worse_than_none(
+    model: Model, data: FreeRecorded
+) -> None:
+    rng = np.random.default_rng(1)
+    noisy = [(m, replace(r, q=r.q + 0.05 * rng.standard_normal(r.q.shape))) for m, r in data]
+    found = band_residual(model, noisy)
+    assert found is not None
+    assert (found.relative_smoothed > 1.0).any()
+    assert not found.worse_than_none.any()
+    assert verdict(replace(model, band_residual=residual(0.05, 20.03))).word == "doubtful"
+
+
 def test_an_axis_that_hardly_carries_load_counts_no_accuracy() -> None:
     limits = np.array([90.0, np.nan])
     small = residual(0.5, 0.5).model_copy(update={"torque": (0.5, 20.0)})
