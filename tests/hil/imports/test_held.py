@@ -109,6 +109,6 @@ def test_torques_in_coarse_steps_are_named_with_the_step_and_its_share(tmp_path)
     _, stated = made(own, columns | {"m2": step * np.round(columns["m2"] / step)})
     assert re.search(
         rf"joints\.1\.torque: torques are recorded in coarse steps: joint 2 {step:.3g} \(SI\), "
-        r"(49|50|51)% of its rms",
+        r"(49|50|51)% of the rms",
         stated,
     )
