@@ -437,6 +437,26 @@ def test_objects_of_matlab_are_named_with_their_class_and_how_to_save_them(tmp_p
     assert capfd.readouterr() == ("", "")
 
 
+@pytest.mark.parametrize("name", ["a.npz", "a.npy", "a.h5", "a.mat", "b.mat"])
+@pytest.mark.parametrize("axes", [(1, 2, 0), (2, 1, 0), (0, 2, 1), (2, 0, 1)])
+def test_dimensions_of_one_element_do_not_count(tmp_path, name, axes):
+    """As `To Workspace` of Simulink saves signals by default."""
+    array = Q[:, :, None].transpose(axes)
+    if name == "a.npz":
+        np.savez(tmp_path / name, q=array)
+    elif name == "a.npy":
+        np.save(tmp_path / name, array)
+    elif name == "a.mat":
+        from scipy.io import savemat
+
+        savemat(tmp_path / name, {"q": array})
+    else:
+        with h5py.File(tmp_path / name, "w", userblock_size=512 * (name == "b.mat")) as file:
+            file["q"] = array
+    columns = ("1", "2") if name == "a.npy" else ("q/1", "q/2")
+    np.testing.assert_array_equal(read(tmp_path / name, *columns), Q)
+
+
 @pytest.mark.parametrize("name", ["a.npz", "a.h5"])
 def test_arrays_that_are_no_columns_are_left_out_by_name(tmp_path, name):
     if name == "a.npz":
