@@ -197,8 +197,16 @@ def _ordered(samples: Samples, rows: Integers, period: float, counts: Counts) ->
     return rows[np.argsort(time, kind="stable")]
 
 
+DAY = 86400.0
+"""Duration of a day [s]."""
+
+
 def _wrapped(fall: float, period: float) -> str:
-    """Return words for a fall of stamps by the range of a counter, or by an hour, else none."""
+    """Return words for a fall of stamps by the range of a counter, a day or an hour, else none."""
+    for unit, seconds in SECONDS.items():  # times as text are in ns, whatever the map states
+        if abs(fall * SECONDS["ns"] / seconds - DAY) < 2.5 * period * SECONDS["ns"] / seconds:
+            text = "" if unit == "ns" else " (of times as text, in ns: write unit: ns)"
+            return f": the clock of the day passed midnight{text}, add 24 h from there on"
     if abs(fall - 3600.0) < 2.5 * period:
         return ": local time was set back by an hour, as in autumn; add 3600 s from there on"
     for bits in (16, 32):

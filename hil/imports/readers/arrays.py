@@ -4,7 +4,8 @@ A .npy is mapped into memory, a .npz unpacked array by array; HDF5 is read from 
 a dataset by its path.
 
 The longer side of an array of two dimensions is time; its columns are ``name/1``, ``name/2`` and so
-on, ``1``, ``2`` in a .npy. Fields of a structured array are columns by their names.
+on, ``1``, ``2`` in a .npy. Dimensions of one element do not count, such as the second of the 6 x 1
+x 4000 that Simulink saves of a vector. Fields of a structured array are columns by their names.
 """
 
 from __future__ import annotations
@@ -110,6 +111,8 @@ def _columns(
         for field in array.dtype.names:
             yield from _columns(f"{name}/{field}".lstrip("/"), _Field(array, field), left_out)
         return
+    if array.ndim > 2 and sorted(array.shape)[-3] == 1:
+        array = _Squeezed(array)
     if array.dtype.kind not in "fiub" or not 1 <= array.ndim <= 2 or not all(array.shape):
         left_out[name or "1"] = _no_columns(array)
         return
@@ -127,6 +130,24 @@ def _slicer(array: Any, index: int | None) -> Callable[[slice], object]:
     if array.shape[0] >= array.shape[1]:
         return lambda part: array[part, index]
     return lambda part: array[index, part]
+
+
+class _Squeezed:
+    """Array without the dimensions of one element, sliced like an array."""
+
+    def __init__(self, array: Any) -> None:
+        kept = [k for k, size in enumerate(array.shape) if size != 1] or [0]
+        self._array, self._kept = array, kept
+        self.dtype, self.shape = array.dtype, tuple(array.shape[k] for k in kept)
+        self.ndim = len(kept)
+
+    def __getitem__(self, part: Any) -> Any:
+        index: list[Any] = [0] * self._array.ndim
+        for dimension, each in zip(
+            self._kept, part if isinstance(part, tuple) else (part,), strict=False
+        ):
+            index[dimension] = each
+        return self._array[tuple(index)]
 
 
 class _Field:

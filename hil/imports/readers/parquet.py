@@ -132,8 +132,15 @@ class ParquetTable:
                     yield from self._found(place.within(k), kind.value_type, left_out, most // n)
         elif _is_number(kind):
             yield place
+        elif types.is_map(kind) and not place.steps:
+            left_out[place.name] = (
+                f"a column of {kind}, not of numbers; make a column of each key, as by pandas: "
+                f"d = pandas.read_parquet({self.path.name!r}); keys = pandas.DataFrame([dict(each) "
+                f"for each in d.pop({place.name!r})]).add_prefix({place.name + '.'!r}); "
+                "d.join(keys).to_parquet('keys.parquet')"
+            )
         else:
-            left_out[place.name] = f"a column of {kind}, not of numbers"
+            left_out[place.name] = f"a column of {kind}, not of numbers; save it as numbers"
 
     def _length(self, place: _Place) -> int:
         """Return the length of the first present list of a column; 0 if there is none."""

@@ -170,6 +170,34 @@ def test_local_time_that_is_set_back_in_autumn_is_named(tmp_path):
         stated(tmp_path, columns)
 
 
+def test_a_clock_of_the_day_that_passes_midnight_is_named(tmp_path):
+    columns = table(20.0, rate=RATE)
+    columns["t"] = (columns["t"] + 86392.0) % 86400.0
+    words = "row 1601: the clock of the day passed midnight, add 24 h from there on; choose"
+    with pytest.raises(FileError, match=words):
+        stated(tmp_path, columns)
+
+
+@pytest.mark.parametrize("unit", ["s", "ms"])
+def test_midnight_in_times_as_text_is_named_with_the_unit_that_they_have(tmp_path, unit):
+    columns = table(20.0, rate=RATE)
+    write_csv(tmp_path / "data.csv", columns)
+    stamps = np.datetime64("2026-01-31T23:59:52") + (1e3 * columns["t"]).astype("timedelta64[ms]")
+    lines = (tmp_path / "data.csv").read_text().splitlines()
+    rows = zip(lines[1:], stamps.astype(str), strict=True)
+    text = [f"{stamp[11:]},{line.partition(',')[2]}" for line, stamp in rows]
+    (tmp_path / "data.csv").write_text("\n".join([lines[0], *text]) + "\n")
+    content = a_map(time={"column": "t", "unit": unit})
+    words = (
+        r"midnight \(of times as text, in ns: write unit: ns\), add 24 h .* segment there with rows"
+    )
+    with pytest.raises(FileError, match=words):
+        import_recordings([write_map(tmp_path, content)], tmp_path / "run")
+    content = a_map(time={"column": "t", "unit": "ns"}, rows=[[1, 1600], [1601, 4001]])
+    run = import_recordings([write_map(tmp_path, content)], tmp_path / "run")
+    assert [len(each.recording.time) for each in run] == [1600, 2401]
+
+
 def test_velocities_in_rpm_of_the_motor_are_named_by_unit_and_side(tmp_path):
     columns = table(20.0, rate=RATE)
     columns["v1"] *= 50 * 30 / np.pi

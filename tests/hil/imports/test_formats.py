@@ -214,7 +214,9 @@ def test_exchanged_rows_and_columns_are_named_with_a_remedy_that_works(tmp_path,
     with pytest.raises(FileError, match=rf"3 lines of {500 + names} cells: rows and col") as found:
         open_table(tmp_path / "a.csv", Format())
     remedy = str(found.value).partition("as by pandas: ")[2]
-    exec(remedy.replace("a.csv", str(tmp_path / "a.csv")).replace("columns.csv", str(tmp_path / "b.csv")), {"pandas": pandas})  # fmt: skip # noqa: E501, S102
+    for name, path in (("a.csv", "a.csv"), ("columns.csv", "b.csv")):
+        remedy = remedy.replace(name, str(tmp_path / path))
+    exec(remedy, {"pandas": pandas})  # noqa: S102 - the remedy is the subject
     table = open_table(tmp_path / "b.csv", Format())
     assert table.names == (tuple(columns) if names else ("", "", ""))
     values = np.concatenate(list(table.blocks([0, 1, 2])))
@@ -302,6 +304,24 @@ def test_lists_of_parquet_are_a_column_for_each_element(tmp_path, kind):
     assert column_of(open_table(tmp_path / "a.parquet", Format()), 2) == 1
     with pytest.raises(FileError, match=r"column x holds .*; name one of x.*/1 to x.*/2"):
         read(tmp_path / "a.parquet", "x")
+
+
+def test_maps_of_parquet_are_named_with_a_remedy_that_works(tmp_path):
+    pa, parquet = pytest.importorskip("pyarrow"), pytest.importorskip("pyarrow.parquet")
+    pandas = pytest.importorskip("pandas")
+    kind = pa.map_(pa.string(), pa.float64())
+    q = pa.array([[("j1", a), ("j2", b)] for a, b in Q.tolist()], kind)
+    text = pa.array(["so"] * len(Q))
+    parquet.write_table(pa.table({"t": np.arange(len(Q)), "q": q, "s": text}), tmp_path / "a.pq")
+    left_out = open_table(tmp_path / "a.pq", Format()).left_out
+    assert left_out["s"] == "a column of string, not of numbers; save it as numbers"
+    with pytest.raises(NoColumn, match=r"no column 'q.j1': q is a column of map") as found:
+        column_of(open_table(tmp_path / "a.pq", Format()), "q.j1")
+    remedy = str(found.value).partition("as by pandas: ")[2]
+    for name, path in (("a.pq", "a.pq"), ("keys.parquet", "b.pq")):
+        remedy = remedy.replace(name, str(tmp_path / path))
+    exec(remedy, {"pandas": pandas})  # noqa: S102 - the remedy is the subject
+    np.testing.assert_array_equal(read(tmp_path / "b.pq", "q.j1", "q.j2"), Q)
 
 
 def test_lists_of_parquet_that_end_early_or_are_missing_lack_numbers(tmp_path):
@@ -435,6 +455,26 @@ def test_objects_of_matlab_are_named_with_their_class_and_how_to_save_them(tmp_p
     for name in ("first", "second"):
         assert f"{name}: a MATLAB {kind}, an object: not supported; in" in str(refused.value)
     assert capfd.readouterr() == ("", "")
+
+
+@pytest.mark.parametrize("name", ["a.npz", "a.npy", "a.h5", "a.mat", "b.mat"])
+@pytest.mark.parametrize("axes", [(1, 2, 0), (2, 1, 0), (0, 2, 1), (2, 0, 1)])
+def test_dimensions_of_one_element_do_not_count(tmp_path, name, axes):
+    """As `To Workspace` of Simulink saves signals by default."""
+    array = Q[:, :, None].transpose(axes)
+    if name == "a.npz":
+        np.savez(tmp_path / name, q=array)
+    elif name == "a.npy":
+        np.save(tmp_path / name, array)
+    elif name == "a.mat":
+        from scipy.io import savemat
+
+        savemat(tmp_path / name, {"q": array})
+    else:
+        with h5py.File(tmp_path / name, "w", userblock_size=512 * (name == "b.mat")) as file:
+            file["q"] = array
+    columns = ("1", "2") if name == "a.npy" else ("q/1", "q/2")
+    np.testing.assert_array_equal(read(tmp_path / name, *columns), Q)
 
 
 @pytest.mark.parametrize("name", ["a.npz", "a.h5"])
