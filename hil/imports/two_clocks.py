@@ -129,13 +129,20 @@ def _suspicion(
         return
     together = [each._replace(part=0 * each.part) for each in rows]
     one, many = _lags(together, shown), _lags(rows, shown) if first > 1 else None
-    # the instant of a row is known within a period
-    if many and _left(many, one) <= LEAVES and np.ptp(many.lags) > excerpts[0].period:
+    late, lag = constant and _left(one, _lags(together, shown, reach=0.0)) <= LEAVES, one.lags[0]
+    # the instant of a row is known within a period; a lag that is found may change by half
+    change = 0.0 if many is None else float(np.ptp(many.lags))
+    least = LEAVES * abs(lag) if late else np.inf
+    if (
+        many is not None
+        and change > excerpts[0].period
+        and (change > least or _left(many, one) <= LEAVES)
+    ):
         name = {"tau": "torque", "qd": "velocity"}[key]
         check: Check = "shape" if key == "tau" else "velocity"
         yield Suspicion(check, ("joints", 0, name), _words(name, many), certain=False)
-    elif constant and _left(one, _lags(together, shown, reach=0.0)) <= LEAVES:
-        yield late_torques(float(one.lags[0]))
+    elif late:
+        yield late_torques(float(lag))
 
 
 def late_torques(lag: float) -> Suspicion:
