@@ -12,13 +12,14 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from checked_files.yaml_file import FileError
+from hil.imports.column_names import is_time
 from hil.imports.readers import open_table
 from hil.imports.signs import coding_of, could_lack_signs, register_turn, turn_of, unwrap
 from hil.imports.tables import SECONDS, NoColumn, column_of, units_of_date
 from hil.imports.to_si import EPOCH, Conversion
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterator, Sequence
+    from collections.abc import Callable, Iterator, Mapping, Sequence
     from pathlib import Path
 
     from hil.arrays import Array, Integers, Mask
@@ -309,15 +310,75 @@ def _file_blocks(
         _refuse_used(the_map, location, set(found) & set(columns), table)
         columns.extend(found)
         positions.extend([position] * len(found))
-    streams = [table.blocks(columns) for table, columns, _ in tables.values()]
+    beside = _stamps_beside(the_map, tables)
+    streams = [
+        table.blocks([*columns, *beside.get(source, ())])
+        for source, (table, columns, _) in tables.items()
+    ]
     every = [p for _, _, positions in tables.values() for p in positions]
     if len(streams) == 1:
         yield from streams[0]
-    else:
-        order = np.argsort(every, kind="stable")
-        for parts in _side_by_side(streams, [table.path for table, _, _ in tables.values()]):
-            yield np.concatenate(parts, axis=1)[:, order]
+        headers += sorted({row for table, _, _ in tables.values() for row in table.headers})
+        return
+    order, ends = np.argsort(every, kind="stable"), []
+    for parts in _side_by_side(streams, [table.path for table, _, _ in tables.values()]):
+        joined = np.concatenate(
+            [x[:, : len(own)] for x, (_, own, _) in zip(parts, tables.values(), strict=True)],
+            axis=1,
+        )
+        stamps = [x[:, -1] for x, source in zip(parts, tables, strict=True) if source in beside]
+        ends += [(len(joined), np.array([joined[k, 0], *(x[k] for x in stamps)])) for k in (0, -1)]
+        yield joined[:, order]
     headers += sorted({row for table, _, _ in tables.values() for row in table.headers})
+    if beside and ends:
+        period = (ends[-1][1] - ends[0][1]) / max(sum(n for n, _ in ends) / 2 - 1, 1)
+        for k, (source, (index,)) in enumerate(beside.items(), start=1):
+            stated = _compared(ends[0][1][[0, k]], ends[-1][1][[0, k]], float(period[0]))
+            if stated:
+                notes[f"{source}: stamps in column {tables[source][0].names[index]} {stated}"] = (
+                    None
+                )
+
+
+def _stamps_beside(
+    the_map: MapFile, tables: Mapping[str, tuple[Table, list[int], list[int]]]
+) -> dict[str, tuple[int]]:
+    """Return the columns of stamps of files beside the file with the map's stamps."""
+    time = the_map.content.time
+    if time is None or time.column is None or time.column.file or time.plus is not None:
+        return {}
+    found = {}
+    for source, (table, columns, _) in [*tables.items()][1:]:
+        names = [str(time.column.column), *filter(is_time, table.names)]
+        index = next((table.names.index(x) for x in names if x in table.names), None)
+        if index is not None and index not in columns:
+            found[source] = (index,)
+    return found
+
+
+def _compared(first: Array, last: Array, period: float) -> str:
+    """Return the contradiction between stamps of two files in equal rows; "" for equal stamps.
+
+    `first` and `last` hold the stamps of both files, `period` is that of the first.
+    """
+    own, other = last - first
+    if not (np.isfinite([own, other]).all() and own > 0 and other > 0):
+        return ""
+    unit = 1000.0 ** round(float(np.log(other / own)) / float(np.log(1000.0)))
+    fast, later = other / unit / own - 1.0, first[1] / unit - first[0]
+    if abs(fast) * own > period:
+        return (
+            f"run {100 * abs(fast):.2g} % {'faster' if fast > 0 else 'slower'} than those of the "
+            "first file in equal rows, so equal rows are not simultaneous; merge the files by the "
+            "stamps of one clock"
+        )
+    if abs(later) > period:
+        return (
+            f"are {abs(later):.6g} {'later' if later > 0 else 'earlier'} than those of the first "
+            "file in equal rows; rows count as simultaneous: if the clocks agree, merge the files "
+            "by their stamps"
+        )
+    return ""
 
 
 def columns_of(the_map: MapFile) -> Iterator[tuple[Location, ColumnName | None]]:

@@ -129,13 +129,18 @@ def _suspicion(
         return
     together = [each._replace(part=0 * each.part) for each in rows]
     one, many = _lags(together, shown), _lags(rows, shown) if first > 1 else None
-    # the instant of a row is known within a period
-    if many and _left(many, one) <= LEAVES and np.ptp(many.lags) > excerpts[0].period:
+    period, lag = excerpts[0].period, float(one.lags[0])
+    late = constant and abs(lag) > period
+    late = late and _left(one, _lags(together, shown, reach=0.0)) <= LEAVES
+    # the instant of a row is known within a period; a lag that is found may change by half
+    change = 0.0 if many is None else float(np.ptp(many.lags))
+    least = LEAVES * abs(lag) if late else np.inf
+    if many is not None and change > period and (change > least or _left(many, one) <= LEAVES):
         name = {"tau": "torque", "qd": "velocity"}[key]
         check: Check = "shape" if key == "tau" else "velocity"
         yield Suspicion(check, ("joints", 0, name), _words(name, many), certain=False)
-    elif constant and _left(one, _lags(together, shown, reach=0.0)) <= LEAVES:
-        yield late_torques(float(one.lags[0]))
+    elif late:
+        yield late_torques(lag)
 
 
 def late_torques(lag: float) -> Suspicion:
@@ -188,7 +193,7 @@ def _lags(rows: Sequence[_Rows], shown: Mask, reach: float = REACH) -> _Lags:
     time = np.concatenate([r.excerpt.begin + r.samples * r.excerpt.period for r in rows])
     one = np.eye(part.max() + 1)[part]
     lags, weight, tiny = np.zeros(one.shape[1]), np.zeros(0), np.finfo(float).tiny
-    finest = min(r.excerpt.period for r in rows) / 4
+    finest = min(r.excerpt.period for r in rows) / 2  # rows are whole samples
     ends = np.cumsum([len(r.samples) for r in rows])[:-1]
     for number in range(ROUNDS):
         late = np.split(lags[part], ends)
@@ -198,10 +203,11 @@ def _lags(rows: Sequence[_Rows], shown: Mask, reach: float = REACH) -> _Lags:
         columns = np.concatenate([X, -(reach > 0) * slopes[:, :, None] * one[:, None, :]], axis=2)
         if not len(weight):
             weight = 1.0 / np.maximum(y.var(axis=0), tiny)
-        N = np.einsum("nja,j,njb->ab", columns, weight, columns, optimize=True)
-        v = np.einsum("nja,j,nj->a", columns, weight, y, optimize=True)
+        both = np.concatenate([columns, y[:, :, None]], axis=2) * np.sqrt(weight)[:, None]
+        both = both.reshape(-1, both.shape[2])
+        N, v = np.split(both[:, :-1].T @ both, [-1], axis=1)
         scale = np.sqrt(np.maximum(np.diag(N), tiny))
-        x = np.linalg.lstsq(N / np.outer(scale, scale), v / scale, rcond=1e-10)[0] / scale
+        x = np.linalg.lstsq(N / np.outer(scale, scale), v[:, 0] / scale, rcond=1e-10)[0] / scale
         left = np.mean((y - columns @ x) ** 2, axis=0)
         weight = 1.0 / np.maximum(left, tiny)
         change = np.clip(x[-len(lags) :], -reach, reach)

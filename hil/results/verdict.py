@@ -57,9 +57,11 @@ def verdict(
         Largest residual of a good model, as a share of the torque of a loaded axis.
     """
     left, limit = model.band_residual, model.robot.torque_limit
-    doubts = *reservations(RULES, model), *unexplained(left, limit, accuracy)
+    large = tuple(unexplained(left, limit, accuracy))
+    late = tuple(_late(model, large))
+    doubts = *reservations(RULES, model), *(late if large else ()), *large
     found = doubts or tuple(_good(model, usual_effect))
-    remains = () if left is None else (good(str(left)),)
+    remains = *(() if large else late), *(() if left is None else (good(str(left)),))
     return Judgement.judge((*found, *remains), lambda: found[0])
 
 
@@ -160,6 +162,24 @@ def _judge_edges(model: Model) -> Iterator[Reservation]:
             f" limit of the search range, {significant(each.bound, 3)} {each.unit}",
             "check for effects missing in the model: torque and position sampled at different "
             "instants, a low-pass of the torque, a wrong unit or column, flexible links",
+        )
+
+
+def _late(model: Model, large: Sequence[Reservation]) -> Iterator[Reservation]:
+    """Yield lags of torques, compensated by the estimate: a doubt before `large` residuals."""
+    lags = model.details.lag if isinstance(model.details, FreeMotionFit) else ()
+    usual = CAUSES["torque delay"].usual
+    late = [
+        (k, 1e3 * each.value) for k, each in enumerate(lags, 1) if abs(each.value) > usual / 1e3
+    ]
+    if late:
+        said = ", ".join(
+            f"axis {k} {abs(lag):.2g} ms {'late' if lag > 0 else 'early'}" for k, lag in late
+        )
+        yield (doubtful if large else good)(
+            f"torques recorded at other instants than positions, which the estimate compensates: "
+            f"{said}",
+            CAUSES["torque delay"].remedy,
         )
 
 

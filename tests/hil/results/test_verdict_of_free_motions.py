@@ -72,3 +72,16 @@ def test_an_unusual_offset_that_passes_for_weight_is_doubted_by_its_axis(tmp_pat
     found = judged(replace(model, details=unusual))
     assert found.word == "doubtful"
     assert found.reason.startswith("axis 2: offset above 15% of friction")
+
+
+def test_late_torques_are_named_and_before_a_residual_that_they_explain(tmp_path: Path) -> None:
+    model = identified(tmp_path, lambda tau: np.roll(tau, 2, axis=0))
+    found = judged(model)
+    assert any("which the estimate compensates: axis 1" in each.reason for each in found.reasons)
+    left = model.band_residual
+    assert left is not None
+    poor = left.model_copy(update={"smoothed": tuple(0.3 * (each or 0) for each in left.moving)})
+    worse = judged(replace(model, band_residual=poor))
+    assert worse.word == "doubtful"
+    assert "ms late" in worse.reason
+    assert "residual 30 %" in worse.further[0].reason
