@@ -163,18 +163,24 @@ def usable(robot: Robot, motion: Motion, axis: int) -> Mask:
 
     At a corner the window averages the errors of the differences over several samples. If SYNC is
     slow, few remain: of a step of acceleration, the error is 20 % at 16 ms and 8 % at 4 ms. Then
-    samples within reach of a corner are not used, and corners of other axes count too.
+    samples within reach of a corner are not used, and corners of other axes count too, unless the
+    remaining samples show less than half the acceleration of an axis: a quarter of the information.
     """
     away, slow = moving(robot, motion, axis), motion.period > LONGEST
     if not away.any():
         return away
-    corner = np.zeros(len(away), dtype=bool)
-    for joint in range(robot.n_joints) if slow else (axis,):
-        acceleration = motion.smoothed(motion.qdd[:, joint])
-        jerk = np.abs(np.gradient(acceleration, motion.period))
-        limit = limit_or_reached(robot.acceleration_limit[joint], acceleration)
-        corner |= jerk >= JERK * limit
-    return away & ~widen(corner, len(SECOND) // 2 if slow else 0)
+    joints = list(range(robot.n_joints)) if slow else [axis]
+    acceleration = motion.smoothed(motion.qdd[:, joints])
+    jerk = np.abs(np.gradient(acceleration, motion.period, axis=0))
+    limits = zip(robot.acceleration_limit[joints], acceleration.T, strict=True)
+    corner: Mask = jerk >= JERK * np.array([limit_or_reached(float(x), own) for x, own in limits])
+    steady = away & ~corner[:, joints.index(axis)]
+    if not slow:
+        return steady
+    clear = steady & ~widen(np.any(corner, axis=1), len(SECOND) // 2)
+    with_corners = np.abs(acceleration[:, corner.any(axis=0)])
+    shown, left = (with_corners[used].max(axis=0, initial=0.0) for used in (steady, clear))
+    return clear if (left >= shown / 2.0).all() else steady
 
 
 def place(robot: Robot, axis: int) -> Indices:
