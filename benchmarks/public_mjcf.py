@@ -242,7 +242,7 @@ class Judged(NamedTuple):
     changed: bool
 
 
-def without_values(text: str) -> str:
+def strip_values(text: str) -> str:
     """Return the text of a file without inertials, and without values of joints."""
     return INERTIAL.sub("", JOINT.sub(lambda found: OF_JOINT.sub("", found[0]), text))
 
@@ -283,7 +283,7 @@ def judge(folder: Path, source: Path, tip: str | None, seed: int) -> Judged:
     patched, bound, off = (
         share(lanes, robot, each) for each in (Machine.load(new, robot), machine, given)
     )
-    changed = without_values(new.read_text()) != without_values(text)
+    changed = strip_values(new.read_text()) != strip_values(text)
     return Judged(judged.inside, judged.z, patched, bound, off, changed)
 
 
