@@ -7,8 +7,9 @@ keep their text. Quantities without influence on the torques keep their value:
 - The rotor of an axis with an inertia equivalent to the link's own about the axis, or to its mass
   along it: the link takes the difference (`find_near_bodies`).
 
-Links welded to a link of the chain keep their inertials, and the link of the chain takes the rest,
-if the rest is a possible body. Otherwise all of them are transformed alike.
+Links welded to a link of the chain, or on it by joints that are not of the chain, keep their
+inertials, and the link of the chain takes the rest, if the rest is a possible body. Otherwise all
+of them are transformed alike.
 """
 
 from __future__ import annotations
@@ -38,7 +39,6 @@ from hil.export.urdf_file import (
     INERTIA,
     NO_CHAIN,
     NO_TREE,
-    bodies_of,
     given_urdf,
     inertial_faults,
     stated_body,
@@ -49,7 +49,7 @@ from hil.model.frames import body_parameters, inverse, parameter_map, pseudo_ine
 from hil.model.readers.axes_to_frames import difference
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator, Sequence
+    from collections.abc import Iterable, Iterator, Sequence
     from pathlib import Path
     from xml.etree.ElementTree import Element
 
@@ -210,6 +210,15 @@ def _root(J: Array) -> Array:
     return np.asarray((vectors * np.sqrt(values)) @ vectors.T)
 
 
+def _held(names: Iterable[str]) -> Iterator[str]:
+    """Name the joints on the chain that are not its own."""
+    if said := ", ".join(names):
+        yield (
+            f"joints {said}: not of the model; the links on them are counted where the file has"
+            " them at position 0, as parts of the link that carries them"
+        )
+
+
 def _kept_or_new(new: Array, old: Array) -> bool:
     """Return True if new and old numbers agree within `SAME`."""
     return bool(np.abs(new - old).max() <= SAME * max(np.abs(old).max(), 1e-300))
@@ -220,10 +229,14 @@ class _Urdf:
 
     def __init__(self, given: Given, robot: Robot) -> None:
         self.path, self.chain, self._given = given.path, given.chain, given
-        bodies = bodies_of(given, robot)
-        if bodies is None:
-            raise Mismatch(f"{next(inertial_faults(given, robot))}; or export without --patch")
-        self._bodies, self._xml = bodies, XmlPatch(given.reader.file)
+        if fault := next(inertial_faults(given, robot), ""):
+            raise Mismatch(f"{fault}; or export without --patch")
+        self._xml = XmlPatch(given.reader.file)
+        totals = [
+            np.sum([parameter_map(pose) @ body for _, pose, body in self._stated(k)], axis=0)
+            for k in range(robot.n_joints)
+        ]
+        self._bodies = moved_to_frames(given.chain, robot, totals)
         self._elements = given.reader.file.named("joint")
 
     def bodies(self) -> Array:
@@ -232,13 +245,17 @@ class _Urdf:
     def rotors(self) -> Array:
         return np.zeros(len(self.chain.joints))
 
-    def patch(self, k: int, joint: SimulatedJoint) -> Iterator[str]:
-        reader = self._given.reader
-        stated = [
+    def _stated(self, k: int) -> list[tuple[str, Array, Array]]:
+        """Return a link and all links on it: name, pose in the joint's frame, parameters."""
+        reader, links = self._given.reader, {joint.link for joint in self.chain.joints}
+        return [
             (name, pose, body)
-            for name, pose in reader.find_attached(self.chain.joints[k].link, np.eye(4))
+            for name, pose in reader.find_attached(self.chain.joints[k].link, np.eye(4), links)
             if (body := stated_body(reader, name)) is not None
         ]
+
+    def patch(self, k: int, joint: SimulatedJoint) -> Iterator[str]:
+        stated = self._stated(k)
         new = _shared_out(joint.body, [parameter_map(pose) @ body for _, pose, body in stated])
         for (name, pose, body), whole in zip(stated, new, strict=True):
             yield from self._inertial(name, body, parameter_map(inverse(pose)) @ whole)
@@ -284,6 +301,15 @@ class _Urdf:
             self._xml.insert(element, f"<dynamics {said}/>")
 
     def remarks(self, model: Model, robot: SimulatedRobot) -> Iterator[str]:
+        reader, joints = self._given.reader, self.chain.joints
+        links = {joint.link for joint in joints}
+        yield from _held(
+            str(edge.element.get("name"))
+            for joint in joints
+            for name, _ in reader.find_attached(joint.link, np.eye(4), links)
+            for edge in reader.below.get(name, ())
+            if edge.child not in links and edge.element.get("type") != "fixed"
+        )
         yield from urdf_remarks(model, robot)
 
     def files(self) -> dict[str, str]:
@@ -333,11 +359,18 @@ class _Mjcf:
         about = np.array([xx, 0.0, 0.0, yy, 0.0, zz, 0.0, 0.0, 0.0, model.body_mass[body]])
         return np.asarray(parameter_map(pose) @ about)
 
+    def _carrier(self, body: int) -> int:
+        """Return the body of the chain that a body is on; 0 for those on the base."""
+        while body and body not in self.chain.bodies:
+            body = int(self._model.body_parentid[body])
+        return body
+
     def _parts(self, body: int) -> Iterator[tuple[int, Array, Array]]:
-        """Yield a body and all welded bodies: number, pose in the joint's frame, parameters."""
+        """Yield a body and all bodies on it: number, pose in the joint's frame, parameters."""
         model = self._model
-        welded = np.flatnonzero((model.body_weldid == body) & (model.body_mass > 0)).tolist()
-        for each in sorted(welded, key=lambda other: other != body):
+        heavy = np.flatnonzero(model.body_mass > 0).tolist()
+        on_it = [each for each in heavy if self._carrier(each) == body]
+        for each in sorted(on_it, key=lambda other: other != body):
             pose, here = np.eye(4), each
             while here != body:
                 step = np.eye(4)
@@ -409,6 +442,11 @@ class _Mjcf:
         self._xml[placed.file.path].set(placed.element, values)
 
     def remarks(self, model: Model, robot: SimulatedRobot) -> Iterator[str]:
+        yield from _held(
+            str(self._model.jnt(k).name)
+            for k, body in enumerate(self._model.jnt_bodyid.tolist())
+            if body not in self.chain.bodies and self._carrier(body)
+        )
         yield (
             "joints held by MuJoCo's default friction creep; for friction that holds, give each"
             f' joint solreffriction="0 {number(-IMPEDANCE / STEP)}" and solimpfriction="{IMPEDANCE}'

@@ -30,7 +30,7 @@ from hil.model.readers.limits import LimitedJoint, drop_placeholders
 from hil.model.robot_file import EARTH, MOST_JOINTS
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator, Mapping, Sequence
+    from collections.abc import Container, Iterator, Mapping, Sequence
     from xml.etree.ElementTree import Element
 
     from hil.arrays import Array, Mask
@@ -403,12 +403,18 @@ class UrdfReader:
             raise self.file.wrong(element, f"joint {name!r}: axis 0 0 0 must have a direction")
         return axis / length
 
-    def find_attached(self, link: str, pose: Array) -> Iterator[tuple[str, Array]]:
-        """Yield a link at `pose` and links attached by fixed joints, with poses."""
+    def find_attached(
+        self, link: str, pose: Array, chain: Container[str] | None = None
+    ) -> Iterator[tuple[str, Array]]:
+        """Yield a link at `pose` and links attached by fixed joints, with poses.
+
+        Given the links of a chain, other joints below are taken as fixed at position 0.
+        """
         yield link, pose
         for edge in self.below.get(link, ()):
-            if edge.element.get("type") == "fixed":
-                yield from self.find_attached(edge.child, pose @ self.origin(edge.element))
+            held = chain is not None and edge.child not in chain
+            if held or edge.element.get("type") == "fixed":
+                yield from self.find_attached(edge.child, pose @ self.origin(edge.element), chain)
 
     def origin(self, element: Element) -> Array:
         """Compute the transform of a joint's <origin>."""

@@ -124,6 +124,48 @@ def test_a_tree_keeps_everything_but_numbers(tmp_path):
     np.testing.assert_allclose(after, expected, atol=2e-4 * np.abs(expected).max())
 
 
+FINGER = """<body name="finger" pos="0 0.1 0.1"><joint name="grip" class="main" axis="0 1 0"/>
+      <inertial pos="0.1 0 0.05" mass="0.4" diaginertia="0.002 0.001 0.001"/></body>"""
+"""Moving link beyond the chain."""
+
+
+def test_links_beyond_the_chain_are_not_counted_twice(tmp_path):
+    arm = ARM.replace('gravity="0 0.5 -9.7"', 'gravity="0 0 -9.81"')
+    wrist = ONE_JOINT.replace('<body name="tool"', FINGER + '<body name="tool"')
+    path = write_arm(tmp_path / "arm", arm, wrist)
+    robot = hil.Robot.load(path, tip="hand")
+    motion = [np.random.default_rng(4).uniform(-1.0, 1.0, (40, 3)) for _ in range(3)]
+    at_zero = [np.column_stack([each, np.zeros(40)]) for each in motion]
+    measured = torques(path, *at_zero)[:, :3]
+    p = np.linalg.lstsq(hil.regressor(robot, *motion).reshape(120, -1), measured.ravel())[0]
+    model = model_of(robot, p, 1e-6 * np.ones(len(p)))
+    _, exported = exported_model(model, "mjcf", path, patch=path)
+    assert any("joints grip: not of the model" in each for each in exported.remarks)
+    new = write_exported(exported, tmp_path / "new")[0]
+    np.testing.assert_allclose(
+        torques(new, *at_zero)[:, :3], measured, atol=1e-4 * np.abs(measured).max()
+    )
+
+
+def test_links_beyond_the_chain_of_a_urdf_are_not_counted_twice(tmp_path):
+    (path := tmp_path / "arm.urdf").write_text(urdf("askew arm", ROBOTS["askew"]))
+    joints = len(ROBOTS["askew"])
+    robot = hil.Robot.load(path, tip=f"link{joints - 1}")
+    whole = identified(path)
+    rng = np.random.default_rng(4)
+    motion = [rng.uniform(-1.0, 1.0, (60, joints - 1)) for _ in range(3)]
+    at_zero = [np.column_stack([each, np.zeros(60)]) for each in motion]
+    measured = inverse_dynamics(whole.robot, whole.values, *at_zero)[:, :-1]
+    A = hil.regressor(robot, *motion).reshape(measured.size, -1)
+    model = model_of(robot, np.linalg.lstsq(A, measured.ravel())[0], 1e-6 * np.ones(A.shape[1]))
+    _, exported = exported_model(model, "urdf", path, patch=path)
+    assert any(f"joints joint{joints}: not of the model" in each for each in exported.remarks)
+    (tmp_path / "new.urdf").write_text(*exported.files.values())
+    again = identified(tmp_path / "new.urdf")
+    found = inverse_dynamics(again.robot, again.values, *at_zero)[:, :-1]
+    np.testing.assert_allclose(found, measured, atol=1e-3 * np.abs(measured).max())
+
+
 def test_files_that_cannot_be_patched_are_refused_with_what_to_do(tmp_path):
     path = write_arm(tmp_path / "arm", wrist=ONE_JOINT)
     model = identified(path)
