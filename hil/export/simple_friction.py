@@ -184,7 +184,7 @@ def misfits(model: Model, simple: tuple[SimpleFriction, ...], state: str = "") -
 
 
 def _offsets(model: Model, simple: tuple[SimpleFriction, ...], place: str) -> Iterator[str]:
-    """Yield the constant torque of each axis, and its place in the exported files."""
+    """Yield the constant torque of each axis, with the place in the exported files."""
     what = f"is {place}" if place else "is left out: add it to the commanded torque"
     for each in simple:
         if each.constant:

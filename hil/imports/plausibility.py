@@ -123,12 +123,15 @@ def _still(
                 f"is {torque[0]:g} throughout; name the column of its torque{without}",
             )
         if not moves and (alone is None or joint == alone):
-            unit = robot.position_unit(joint)
+            moved = f"moves by only {way:.2g} {robot.position_unit(joint)}, within noise or the "
+            moved += "effect of other joints"
+            if way <= ROUNDED_OFF * np.abs(evidence.q[:, joint]).max():
+                moved = "does not move"
             yield Suspicion(
                 "still",
                 (*at, "position"),
-                f"moves by only {way:.2g} {unit}, within noise or the effect of other joints: "
-                f"only gravity parameters of joint {joint + 1} can be identified; check column "
+                f"{moved}: friction of joint {joint + 1} cannot be identified, and its torque is "
+                "used only if neither a brake nor static friction carries the load; check column "
                 "and unit",
                 certain=alone is not None,
             )

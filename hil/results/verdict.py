@@ -184,7 +184,9 @@ def _late(model: Model, large: Sequence[Reservation]) -> Iterator[Reservation]:
 
 
 def _axes(axes: Iterable[int]) -> str:
-    return ", ".join(map(str, axes))
+    """Return "axis 1" or "axes 1, 2"; nothing for no axis."""
+    numbers = list(map(str, axes))
+    return f"ax{'i' if len(numbers) == 1 else 'e'}s {', '.join(numbers)}" if numbers else ""
 
 
 OF_FREE_MOTIONS: tuple[Rule[FreeMotionFit], ...] = (
@@ -196,19 +198,26 @@ OF_FREE_MOTIONS: tuple[Rule[FreeMotionFit], ...] = (
     ),
     When(
         lambda fit: _axes(fit.driving),
-        "axis {0}: negative friction identified, which adds power to the motion",
+        "{0}: negative friction identified, which adds power to the motion",
         "check the sign of its torque, and whether the model lacks a spring, lag or inertia",
     ),
     When(
         lambda fit: _axes(fit.unusual),
-        f"axis {{0}}: offset above {ASYMMETRY:.0%} of friction, hardly distinguishable from "
+        f"{{0}}: offset above {ASYMMETRY:.0%} of friction, hardly distinguishable from "
         "rigid-body torques in these motions: a sensor offset, a spring, or wrong parameters",
         "add recordings with greater acceleration or range",
     ),
     When(
-        lambda fit: (_axes(fit.still), ", ".join(fit.not_identified)) if fit.not_identified else (),
-        "axis {0[0]} does not move in the recordings: {0[1]} not identified, and only motions "
-        "with this axis at the recorded position are predicted",
+        lambda fit: (
+            (
+                f"{_axes(fit.still)} {'does' if len(fit.still) == 1 else 'do'}",
+                ", ".join(fit.not_identified),
+            )
+            if fit.not_identified
+            else ()
+        ),
+        "{0[0]} not move in the recordings: {0[1]} not identified, and only motions with this "
+        "position are predicted",
         "add recordings in which it moves; or state its rotor_inertia in the robot file, and take "
         "bodies from CAD (hil identify --prior cad=0.3 --urdf FILE)",
     ),
@@ -241,9 +250,9 @@ def _unexcited(model: Model) -> Iterator[Reservation]:
         if axes.any():
             most = relative[axes].max()
             known = f"uncertain by {most:.0%}" if most < 1 else "below its standard error"
+            numbers = np.flatnonzero(axes) + 1
             yield doubtful(
-                f"axis {_axes(np.flatnonzero(axes) + 1)} not excited by the recordings: its torque "
-                f"on {motion} is {known}",
+                f"{_axes(numbers)} not excited by the recordings: torque on {motion} is {known}",
                 f"add recordings {remedy}; close to the recorded motions the model may be valid: "
                 "test it with hil validate",
             )
@@ -279,7 +288,7 @@ def _ill_conditioned(model: Model) -> str:
 def _causes(model: Model) -> Iterator[Reservation]:
     for term in model.error_budget:
         if not term.accounted and term.torque > LARGE:
-            axes = f"axes {_axes(term.axes)}: " if term.axes else ""
+            axes = f"{_axes(term.axes)}: " if term.axes else ""
             yield doubtful(f"{axes}{term.cause}, {term.found}", term.remedy)
 
 
@@ -326,11 +335,11 @@ def _good(model: Model, usual_effect: Array | None) -> Iterator[Reservation]:
         yield good(f"{reason}{_scale(model.robot)}")
         return
     yield good(f"{reason}, provided that effects invisible in the recordings are as stated")
-    usual = dict.fromkeys((each.cause, f"±{each.usual:g} {each.unit}") for each in hidden)
+    usual = dict.fromkeys((each.cause, f"±{each.usual:.3g} {each.unit}") for each in hidden)
     said = []
     for cause, size in usual:
         axes = [each.axis for each in hidden if each.cause == cause]
-        which = f" ({'axis' if len(axes) == 1 else 'axes'} {_axes(axes)})" if any(axes) else ""
+        which = f" ({_axes(axes)})" if any(axes) else ""
         said.append(f"{cause}{which} {size}")
     conditions = ", ".join(said)
     yield good(

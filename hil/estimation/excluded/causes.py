@@ -6,6 +6,7 @@ of the torque; for a cause that does not show, this share is all that can be sta
 
 from __future__ import annotations
 
+import math
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
@@ -26,6 +27,12 @@ LEFT_OUT = (
     "take the load off, or state the missing parameters of that link in the robot file (hil"
     " diagnose ranks the parameters, hil payload finds a load)"
 )
+
+
+def uncertain(size: float, error: float) -> str:
+    """Format a size with its standard error, both without exponents below a million."""
+    shown = f"{float(f'{size:.3g}'):g}"
+    return f"{shown} ± {float(f'{error:.1g}'):g}" if math.isfinite(error) else f"some {shown}"
 
 
 class Cause(NamedTuple):
@@ -70,7 +77,7 @@ class Cause(NamedTuple):
         """Return the words of a cause with size and standard error; "less" for a negative size."""
         words = self.words.replace("greater", "less") if size < 0.0 else self.words
         size = size if words == self.words else -size
-        return f"{words} {size:.3g} ± {error:.1g} {unit}"
+        return f"{words} {uncertain(size, error)} {unit}"
 
     def largest(self, robot: Robot, axis: int, hours: float) -> float:
         """Return the largest size with a valid first-order column, in the cause's unit.

@@ -17,6 +17,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from hil.estimation.drive_train import CERTAIN, compliance_units
+from hil.estimation.excluded.causes import uncertain
 from hil.estimation.friction.symmetry import judge_local_values
 from hil.estimation.ripple_orders import unmodelled_ripple
 from hil.estimation.simultaneous import SimultaneousFit
@@ -130,7 +131,7 @@ def _fitted(
 
 
 def _format_errors(factor: float, value: Array, error: Array, axes: Indices) -> str:
-    return ", ".join(f"{factor * value[k]:.2g} ± {factor * error[k]:.1g}" for k in axes)
+    return ", ".join(uncertain(factor * float(value[k]), factor * float(error[k])) for k in axes)
 
 
 def _part(fit: SimultaneousFit, share: Array, covariance: Array) -> Array:

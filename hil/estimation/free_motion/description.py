@@ -211,7 +211,8 @@ def remarks(
         )
     if found.still:
         axes = ", ".join(str(axis + 1) for axis in found.still)
-        said.append(f"axis {axes} does not move in the recordings: its friction is not identified")
+        moves = f"axis {axes} does" if len(found.still) == 1 else f"axes {axes} do"
+        said.append(f"{moves} not move in the recordings: no friction identified")
     said += [
         f"axis {axis + 1}: its torque at rest does not follow the motion of the other axes; a "
         "brake or static friction may carry the load, so this torque is not used"

@@ -260,7 +260,7 @@ def _delimiter(lines: Sequence[str]) -> str:
 
 
 def _thousands(rows: Sequence[Sequence[str]], stated: Format) -> str:
-    """Return the separator of thousands, where numbers with both separators show which is which."""
+    """Return the separator of thousands if numbers with both separators reveal the roles."""
     found = {
         mark for mark, shape in _THOUSANDS.items() for row in rows if any(map(shape.fullmatch, row))
     }

@@ -67,7 +67,7 @@ class MjcfText:
         return [each for each in self._root.children if each.element.tag == tag]
 
     def _read_element(self, file: XmlFile, element: Element, depth: int = 1) -> Placed:
-        """Read an element with all descendants, including those from included files."""
+        """Read an element with all descendants, also from included files."""
         children: list[Placed] = []
         if depth > DEEPEST:
             raise file.wrong(

@@ -16,6 +16,7 @@ from trajectory_run import some_trajectory
 
 from hil.estimation.drive_train import directly_driven
 from hil.estimation.excluded import finding, proof
+from hil.estimation.excluded.causes import CAUSES
 from hil.estimation.excluded.evidence import measured
 from hil.estimation.excluded.finding import excluded
 from hil.estimation.excluded.proof import changed as changed_between
@@ -494,3 +495,15 @@ def test_rows_belong_to_the_run_that_they_were_recorded_in(
         (motion, replace(each, time=each.time - each.time[0])) for motion, each in [*good, *good]
     ]
     assert changed_between(robot, changed(good, late), together).found == ()
+
+
+@pytest.mark.parametrize(
+    ("size", "error", "words"),
+    [(41.8123, 22.0, "41.8 ± 20 %"), (1251.0, 312.0, "1250 ± 300 %"), (2.5, 0.031, "2.5 ± 0.03 %"),
+     (79.1, float("nan"), "some 79.1 %"), (-79.1, float("inf"), "some 79.1 %")],
+)  # fmt: skip
+def test_sizes_of_causes_have_no_exponents_and_no_unknown_errors(
+    size: float, error: float, words: str
+) -> None:
+    said = CAUSES["torque constant"].sized(size, error, "%")
+    assert said.endswith(f" by {words}" if size > 0 else f"less than stated by {words}")

@@ -20,7 +20,9 @@ def suspicions(folder, velocity=True, **columns):
     stated = []
     the_map = write_map(folder, a_map(velocity=velocity))
     import_recordings([the_map], folder / "run", stated.append)
-    return [s for s in stated[0].suspicions if "only gravity parameters of joint" not in s.message]
+    return [
+        s for s in stated[0].suspicions if "cannot be identified, and its torque" not in s.message
+    ]
 
 
 def flicker(size, at):

@@ -293,8 +293,18 @@ def test_a_locked_joint_of_a_noisy_encoder_stands_still(tmp_path):
     import_recordings([the_map], tmp_path / "run", stated.append)
     (suspicion,) = stated[0].suspicions
     assert suspicion.message.endswith("check column and unit")
-    assert "only gravity parameters of joint 2" in suspicion.message
+    assert "friction of joint 2 cannot be identified, and its torque is used" in suspicion.message
+    assert suspicion.message.startswith("moves by only 0.00")
     assert not suspicion.certain
+
+
+@pytest.mark.parametrize("at", [0.0, 0.31, -1e-7])
+def test_a_joint_at_rest_does_not_move_by_any_rounding(tmp_path, at):
+    write_csv(tmp_path / "data.csv", LONG | {"q2": at + 0 * Q[:, 1], "m2": 8 + 0 * Q[:, 1]})
+    stated = []
+    import_recordings([write_map(tmp_path, a_map())], tmp_path / "run", stated.append)
+    (suspicion,) = stated[0].suspicions
+    assert suspicion.message.startswith("does not move: friction of joint 2 cannot be identified")
 
 
 def test_a_right_recording_raises_no_suspicion(tmp_path):

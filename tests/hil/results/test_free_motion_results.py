@@ -107,6 +107,13 @@ def test_the_summary_states_friction_residuals_and_what_was_chosen(model: Model)
         assert word in text
 
 
+def test_several_axes_that_are_not_excited_are_axes(model: Model) -> None:
+    loose = model.scatter_covariance + 1e4 * np.eye(len(model.scatter_covariance))
+    reasons = verdict(replace(model, scatter_covariance=loose)).reasons
+    (doubt,) = (each for each in reasons if "not excited" in each.reason)
+    assert "axes 1, 2 not excited by the recordings: torque on a" in doubt.reason
+
+
 @pytest.mark.parametrize(
     ("parameter", "lacking"), [(0, "with greater acceleration"), (1, "over a wider range")]
 )
