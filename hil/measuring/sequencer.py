@@ -43,7 +43,7 @@ def measure(
     done: Collection[str] = (),
     pause: Callable[[], bool] = never,
 ) -> Iterator[Event]:
-    """Carry out all measurements except those in `done`.
+    """Carry out all measurements not in `done`.
 
     Parameters
     ----------
