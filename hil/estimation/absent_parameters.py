@@ -133,7 +133,7 @@ class ModelErrors:
 
 
 def examine(robot: Robot, prepared: Prepared) -> ModelErrors:
-    """Test the link parameters that the robot file does not state, and those that it states."""
+    """Test the link parameters not stated in the robot file, and the stated ones."""
     whole = robot.free_links()
     K = base_parameters(whole).matrix
     stated = K @ base_parameters(robot).placement

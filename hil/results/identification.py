@@ -293,7 +293,7 @@ def model_of(
 def rejudged(
     model: Model, found: Estimate, recorded: Recorded, options: Options = DEFAULTS
 ) -> Model:
-    """Return a model with its residual over the fixed band, and judged by it."""
+    """Return a model with the residual over the fixed band, and judged by this residual."""
     model = replace(model, band_residual=band_residual(model, recorded))
     usual = found.effect * model.robot.usual_uncertainty
     return replace(model, verdict=verdict(model, usual, options.accuracy))
