@@ -303,8 +303,10 @@ def _chunks(
     model: _Model, q: Array, rates: Sequence[tuple[Array, Array]]
 ) -> Iterator[tuple[slice, Iterator[Any]]]:
     """Yield chunks of the samples, with states for all `rates` as arguments of the recursion."""
-    q = _spread(model, q)
-    flat = [(_spread(model, qd), _spread(model, qdd)) for qd, qdd in rates]
+    n = model.place.size
+    q, flat = q.reshape(-1, n), [(qd.reshape(-1, n), qdd.reshape(-1, n)) for qd, qdd in rates]
+    if n < model.revolute.size:
+        q, flat = _spread(model, q), [(_spread(model, qd), _spread(model, dv)) for qd, dv in flat]
     states = _components if _recursion is recursion_by_arrays else _states
     for first in range(0, len(q), _CHUNK):
         part = slice(first, first + _CHUNK)
@@ -313,9 +315,6 @@ def _chunks(
 
 def _spread(model: _Model, x: Array) -> Array:
     """Spread values of joints over all frames, shape (n_samples, n_frames)."""
-    x = x.reshape(-1, model.place.size)
-    if model.place.size == model.revolute.size:
-        return x
     found = np.zeros((len(x), model.revolute.size))
     found[:, model.place] = x
     return found

@@ -253,7 +253,7 @@ class RobotArrays:
         return read_only(self.gear_ratio[:, np.newaxis] * turns)
 
     def link_pose(self, joint: int) -> Array:
-        """Return the pose of frame j in its parent's at q_j = -theta_j, or 0 if prismatic."""
+        """Return the pose of frame j in the parent's at q_j = -theta_j, or 0 if prismatic."""
         return self._pose(joint, self.d[joint], self.r[joint], self.b[joint])
 
     def symbolic_link_pose(self, joint: int) -> NDArray[np.object_]:
@@ -264,11 +264,11 @@ class RobotArrays:
         return np.array(lifted, dtype=object).reshape(4, 4)
 
     def zero_pose(self, joint: int) -> Array:
-        """Return the pose of frame j in its parent's at q_j = 0, shape (4, 4)."""
+        """Return the pose of frame j in the parent's at q_j = 0, shape (4, 4)."""
         return self.pose_at(joint, 0.0)
 
     def pose_at(self, joint: int, q: float) -> Array:
-        """Return the pose of frame j in its parent's at q_j, shape (4, 4)."""
+        """Return the pose of frame j in the parent's at q_j, shape (4, 4)."""
         turn, shift = (q, 0.0) if self.revolute[joint] else (0.0, q)
         theta, r = self.theta[joint] + turn, self.r[joint] + shift
         about_z = self.gamma[joint], self.b[joint]

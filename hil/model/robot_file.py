@@ -232,7 +232,7 @@ Angle = Annotated[float, BeforeValidator(_angle)]
 
 
 class Frame(FileModel):
-    """Frame j in its parent's: rotation alpha, shift d about x; rotation theta, shift r about z.
+    """Frame j in the parent's: rotation alpha, shift d about x; rotation theta, shift r about z.
 
     ``q`` adds to theta of a revolute joint, to r of a prismatic one. Further children of a link
     start with rotation gamma and shift b about the parent's z.
