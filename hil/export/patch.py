@@ -143,7 +143,9 @@ def find_near_bodies(model: Model, given: Patched, bounds: BodyBounds) -> Model:
     Parameters without influence on the torques keep the values of the file. A rotor with the same
     effect as its link takes the value of the file before bodies are fitted. Otherwise the link
     would be fitted with the rotor's inertia included. If this leaves the links less than half of
-    their value in the file, the links keep the file's value and the rotor takes the rest.
+    their value in the file, the links keep the file's value and the rotor takes the rest. If the
+    rotors of the file leave no possible body near the estimate, beyond a chi-square of 1, one
+    standard error, they are fitted with the bodies.
     """
     robot, stated = model.robot, given.bodies()
     base, n, rotors = base_parameters(robot), robot.n_joints, np.zeros(len(robot.added_parameters))
@@ -163,6 +165,10 @@ def find_near_bodies(model: Model, given: Patched, bounds: BodyBounds) -> Model:
     of = f"the inertials of {given.path}"
     p = model.values - shift
     consistent = nearest_robot(model.robot, p, model.covariance, bounds, stated, of)
+    if axes and consistent.distance > 1.0:
+        open_rotors = nearest_robot(model.robot, model.values, model.covariance, bounds, stated, of)
+        if consistent.distance > open_rotors.distance + 1.0:
+            consistent, shift, axes = open_rotors, 0.0 * shift, {}
     bodies, added = consistent.bodies.copy(), dict(consistent.added)
     for name, axis in axes.items():
         whole = bodies[axis].copy()

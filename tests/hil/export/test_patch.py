@@ -202,3 +202,16 @@ def test_a_rotor_that_leaves_its_link_no_inertia_takes_the_difference_itself(tmp
     motion = [np.random.default_rng(4).uniform(-1.0, 1.0, (6, 3)) for _ in range(3)]
     expected = inverse_dynamics(model.robot, model.values, *motion)
     np.testing.assert_allclose(torques(new, *motion), expected, atol=1e-3 * np.abs(expected).max())
+
+
+@pytest.mark.parametrize("armature", ["0.84", "0.86"])
+def test_a_rotor_that_leaves_its_link_no_possible_body_gives_way(tmp_path, armature):
+    path = write_arm(tmp_path / "arm", wrist=ONE_JOINT)
+    model = identified(path)
+    text = ARM.replace('armature="0.8"', f'armature="{armature}"')
+    larger = write_arm(tmp_path / "b", text, ONE_JOINT)
+    _, exported = exported_model(model, "mjcf", larger, patch=larger)
+    new = write_exported(exported, tmp_path / "new")[0]
+    motion = [np.random.default_rng(4).uniform(-1.0, 1.0, (6, 3)) for _ in range(3)]
+    expected = inverse_dynamics(model.robot, model.values, *motion)
+    np.testing.assert_allclose(torques(new, *motion), expected, atol=1e-3 * np.abs(expected).max())
