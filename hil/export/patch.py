@@ -16,6 +16,7 @@ from __future__ import annotations
 
 import os
 import re
+from contextlib import suppress
 from dataclasses import replace
 from itertools import pairwise
 from typing import TYPE_CHECKING, NamedTuple, Protocol
@@ -24,7 +25,7 @@ import numpy as np
 
 from checked_files.xml_file import XmlFile
 from checked_files.xml_patch import XmlPatch
-from hil.errors import Mismatch
+from hil.errors import Mismatch, NotRealisable
 from hil.estimation.consistent.nearest import nearest_robot
 from hil.export.exported import Exported
 from hil.export.mjcf_file import FULL, IMPEDANCE, STEP, quaternion
@@ -161,13 +162,13 @@ def find_near_bodies(model: Model, given: Patched, bounds: BodyBounds) -> Model:
             # too large a rotor inertia would leave less to the link than any possible body has
             axes[name] = axis
             rotors[k] = kept if whole - kept > own / 2 else max(whole - own, 0.0)
-    shift = of_rotors @ rotors
-    of = f"the inertials of {given.path}"
-    p = model.values - shift
-    consistent = nearest_robot(model.robot, p, model.covariance, bounds, stated, of)
-    if axes and consistent.distance > 1.0:
-        open_rotors = nearest_robot(model.robot, model.values, model.covariance, bounds, stated, of)
-        if consistent.distance > open_rotors.distance + 1.0:
+    known = model.covariance, bounds, stated, f"the inertials of {given.path}"
+    shift, consistent = of_rotors @ rotors, None
+    with suppress(NotRealisable):
+        consistent = nearest_robot(robot, model.values - shift, *known)
+    if consistent is None or consistent.distance > 1.0:
+        open_rotors = nearest_robot(robot, model.values, *known)
+        if consistent is None or consistent.distance > open_rotors.distance + 1.0:
             consistent, shift, axes = open_rotors, 0.0 * shift, {}
     bodies, added = consistent.bodies.copy(), dict(consistent.added)
     for name, axis in axes.items():

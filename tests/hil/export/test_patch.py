@@ -204,7 +204,7 @@ def test_a_rotor_that_leaves_its_link_no_inertia_takes_the_difference_itself(tmp
     np.testing.assert_allclose(torques(new, *motion), expected, atol=1e-3 * np.abs(expected).max())
 
 
-@pytest.mark.parametrize("armature", ["0.84", "0.86"])
+@pytest.mark.parametrize("armature", ["0.84", "0.86", "0.9"])
 def test_a_rotor_that_leaves_its_link_no_possible_body_gives_way(tmp_path, armature):
     path = write_arm(tmp_path / "arm", wrist=ONE_JOINT)
     model = identified(path)
