@@ -83,7 +83,7 @@ class TestRobot:
         ("name", "text", "why"),
         [
             ("a.xml", "<sdf/>", r"a\.xml:1: .* this is an SDF; robots are read from a URDF"),
-            ("a.mjcf", "<mujoco/>", r"a\.mjcf: the chains with most joints end at none"),
+            ("a.mjcf", "<mujoco/>", r"a\.mjcf: has no joints from the world to any body"),
             ("a.sdf", "<sdf/>", r"a\.sdf:1: .* this is an SDF"),
             ("a.urdf", None, r"a\.urdf: cannot be read: No such file"),
         ],

@@ -232,7 +232,10 @@ class _Reader:
                 "the chain; omit --from"
             )
         if not found:
-            raise FileError(f"{self.text.path}: no joints between {base!r} and {list(tips)}")
+            raise FileError(
+                f"{self.text.path}: has no joints from {base or 'the world'} to "
+                f"{', '.join(map(repr, tips)) or 'any body'}; {ENDS}"
+            )
         return list(found), tips
 
     def _joint(
