@@ -47,7 +47,7 @@ def test_torques_that_are_all_reversed_have_failed_and_are_not_exported(tmp_path
     assert model.verdict is not None
     assert model.verdict.word == "failed"
     assert model.verdict.reason == "torques of all joints have the wrong sign"
-    with pytest.raises(InvalidValue, match="mass matrix"):
+    with pytest.raises(InvalidValue, match="wrong sign; correct the sign of all torques"):
         export(model, "c", tmp_path / "model")
     assert export(model, "c", tmp_path / "model", force=True)
 
