@@ -141,10 +141,13 @@ class BandResidual(FileModel):
         )
 
 
-def unexplained(found: BandResidual | None, limit: Array, accuracy: float) -> Iterator[Reservation]:
+def unexplained(
+    found: BandResidual | None, limit: Array, accuracy: float, *, own_friction: bool = False
+) -> Iterator[Reservation]:
     """Return an objection to each loaded axis with a large residual, the worst first.
 
-    A model fails that predicts the torque of an axis worse than the torque 0 does.
+    A model fails that predicts the torque of an axis worse than the torque 0 does, if friction was
+    fitted in these recordings: elsewhere friction may be another.
 
     Parameters
     ----------
@@ -153,13 +156,15 @@ def unexplained(found: BandResidual | None, limit: Array, accuracy: float) -> It
         Torque limits [N m or N]; NaN if unknown.
     accuracy : float
         Tolerated smoothed residual over the torque.
+    own_friction : bool
+        True if the law of friction comes from these recordings alone.
     """
     if found is None:
         return
     left = np.where(found.loaded(limit), np.nan_to_num(found.relative_smoothed), 0.0)
     worse = found.worse_than_none
     for axis in np.argsort(-left, kind="stable").tolist():
-        if left[axis] > accuracy and worse[axis]:
+        if left[axis] > accuracy and worse[axis] and own_friction:
             yield failed(
                 f"axis {axis + 1}: residual {_percent(left[axis])} of the torque up to "
                 f"{found.band:g} Hz, and noise of positions explains only "

@@ -57,7 +57,8 @@ def verdict(
         Largest residual of a good model, as a share of the torque of a loaded axis.
     """
     left, limit = model.band_residual, model.robot.torque_limit
-    large = tuple(unexplained(left, limit, accuracy))
+    own = isinstance(model.details, FreeMotionFit)
+    large = tuple(unexplained(left, limit, accuracy, own_friction=own))
     late = tuple(_late(model, large))
     doubts = *reservations(RULES, model), *(late if large else ()), *large
     found = doubts or tuple(_good(model, usual_effect))
