@@ -158,25 +158,29 @@ def moving(robot: Robot, motion: Motion, axis: int) -> Mask:
     return motion.away_from(np.abs(motion.smoothed(qd)) < least)
 
 
-def usable(robot: Robot, motion: Motion, axis: int) -> Mask:
+def usable(robot: Robot, motion: Motion, axis: int, thinned: int = 1) -> Mask:
     """Return a mask of an axis's samples away from reversals and corners, shape (n,).
 
     At a corner the window averages the errors of the differences over several samples. If SYNC is
     slow, few remain: of a step of acceleration, the error is 20 % at 16 ms and 8 % at 4 ms. Then
     samples within reach of a corner are not used, and corners of other axes count too, unless the
     remaining samples show less than half the acceleration of an axis: a quarter of the information.
+
+    `thinned` is the number of SYNCs per sample of a motion without errors of differences.
     """
-    away, slow = moving(robot, motion, axis), motion.period > LONGEST
+    away = moving(robot, motion, axis)
     if not away.any():
         return away
-    joints = list(range(robot.n_joints)) if slow else [axis]
-    acceleration = motion.smoothed(motion.qdd[:, joints])
+    if motion.period / thinned <= LONGEST:
+        acceleration = motion.smoothed(motion.qdd[:, axis])
+        jerk = np.abs(np.gradient(acceleration, motion.period))
+        own: Mask = jerk < JERK * limit_or_reached(robot.acceleration_limit[axis], acceleration)
+        return away & own
+    acceleration = motion.smoothed(motion.qdd)
     jerk = np.abs(np.gradient(acceleration, motion.period, axis=0))
-    limits = zip(robot.acceleration_limit[joints], acceleration.T, strict=True)
+    limits = zip(robot.acceleration_limit, acceleration.T, strict=True)
     corner: Mask = jerk >= JERK * np.array([limit_or_reached(float(x), own) for x, own in limits])
-    steady = away & ~corner[:, joints.index(axis)]
-    if not slow:
-        return steady
+    steady = away & ~corner[:, axis]
     clear = steady & ~widen(np.any(corner, axis=1), len(SECOND) // 2)
     with_corners = np.abs(acceleration[:, corner.any(axis=0)])
     shown, left = (with_corners[used].max(axis=0, initial=0.0) for used in (steady, clear))

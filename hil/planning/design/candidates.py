@@ -107,7 +107,7 @@ def judge(
 ) -> tuple[tuple[Indices, Array], ...]:
     """Compute the information of a measurement sampled every `period` [s]; see `Option.worth`."""
     noise = noise.sampled(robot, period)
-    found = shares(robot, measurement, THINNED * period, noise.differences)
+    found = shares(robot, measurement, period, noise.differences, THINNED)
     return worth(robot, found, noise.mean(THINNED))
 
 
@@ -130,7 +130,7 @@ def trajectories(
         )
         if not keeps_clear(robot, workspace, wave.motion(np.linspace(0.0, wave.period, 1000))[0]):
             continue
-        of_block = worth(robot, shares(robot, wave, THINNED * period, noise.differences), mean)
+        of_block = worth(robot, shares(robot, wave, period, noise.differences, THINNED), mean)
         blocks = max(1, math.ceil(60 * minutes / wave.duration))
         found += [Option("", wave, np.zeros(0), of_block)] * blocks
     if not found:

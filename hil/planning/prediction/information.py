@@ -85,6 +85,7 @@ def shares(
     measurement: ParameterMeasurement,
     period: float,
     differences: Differences | None = None,
+    thinned: int = 1,
 ) -> list[Share]:
     """Compute the information of `measurement` per moved axis.
 
@@ -96,18 +97,20 @@ def shares(
         Interval between samples [s].
     differences : Differences, optional
         Differences of rounded positions; exact positions by default.
+    thinned : int
+        Number of samples of which one is computed.
     """
-    planned = forecast(measurement, period)
-    found = (_share(robot, planned, axis, differences) for axis in measurement.moved)
+    planned = forecast(measurement, thinned * period)
+    found = (_share(robot, planned, axis, differences, thinned) for axis in measurement.moved)
     alike = measurement.cycles if measurement.streamed else 1
     return [share.times(alike) for share in found if share is not None]
 
 
 def _share(
-    robot: Robot, planned: Forecast, axis: int, differences: Differences | None
+    robot: Robot, planned: Forecast, axis: int, differences: Differences | None, thinned: int
 ) -> Share | None:
     every = max(1, round(APART / planned.period))
-    used = usable(robot, planned, axis)[::every]
+    used = usable(robot, planned, axis, thinned)[::every]
     if every * used.sum() < FEWEST:
         return None
     taken = planned.thin(every)
