@@ -315,11 +315,18 @@ def _file_blocks(
         table.blocks([*columns, *beside.get(source, ())])
         for source, (table, columns, _) in tables.items()
     ]
+    yield from streams[0] if len(streams) == 1 else _joined(tables, streams, beside, notes)
+    headers += sorted({row for table, _, _ in tables.values() for row in table.headers})
+
+
+def _joined(
+    tables: Mapping[str, tuple[SoundTable, list[int], list[int]]],
+    streams: Sequence[Iterator[Array]],
+    beside: Mapping[str, tuple[int]],
+    notes: dict[str, None],
+) -> Iterator[Array]:
+    """Yield blocks of files side by side, and note stamps that contradict each other."""
     every = [p for _, _, positions in tables.values() for p in positions]
-    if len(streams) == 1:
-        yield from streams[0]
-        headers += sorted({row for table, _, _ in tables.values() for row in table.headers})
-        return
     order, ends = np.argsort(every, kind="stable"), []
     for parts in _side_by_side(streams, [table.path for table, _, _ in tables.values()]):
         joined = np.concatenate(
@@ -329,7 +336,6 @@ def _file_blocks(
         stamps = [x[:, -1] for x, source in zip(parts, tables, strict=True) if source in beside]
         ends += [(len(joined), np.array([joined[k, 0], *(x[k] for x in stamps)])) for k in (0, -1)]
         yield joined[:, order]
-    headers += sorted({row for table, _, _ in tables.values() for row in table.headers})
     if beside and ends:
         period = (ends[-1][1] - ends[0][1]) / max(sum(n for n, _ in ends) / 2 - 1, 1)
         for k, (source, (index,)) in enumerate(beside.items(), start=1):

@@ -40,7 +40,8 @@ FAR, FARTHER = 3.0, 10.0
 """Minimum ratios of a jump to the steps around it, and to an increment: ten rows and more are
 missing, in which another joint may change its speed. Between rows speeds change less."""
 RARE = 0.05
-"""Maximum share of rows before a jump."""
+"""Maximum share of rows before a jump: where one row in twenty is uneven, rows repeat or a clock is
+coarse (`hil.imports.instants`)."""
 SHORTEST = 1.0
 """Minimum duration of a motion, and of a block [s]."""
 
@@ -133,7 +134,6 @@ def split_at_jumps(samples: Samples, segments: Sequence[Integers]) -> list[Integ
             far[at + 2] += 1
             farther[at + 2] |= step[at + 2] > FARTHER * around[at]
         jumps = np.flatnonzero(farther & (far >= min(joints, 2)))
-        # more are no losses: rows repeat, or several sources are mixed
         found += np.split(rows, jumps + 1) if len(jumps) < RARE * len(rows) else [rows]
     return found
 

@@ -42,8 +42,6 @@ class Survey:
         Parts of recordings, with a total duration of at most `STRETCHES`.
     speed : ndarray, shape (n_joints,)
         Reference speed of each axis, exceeded by few samples [rad/s or m/s].
-    still : tuple of int
-        Axes at rest, from 0.
     rest : ndarray, shape (n_joints,)
         Positions of the axes at rest [rad or m], NaN for the others.
     duration : float
@@ -61,7 +59,6 @@ class Survey:
 
     stretches: tuple[Recording, ...]
     speed: Array
-    still: tuple[int, ...]
     rest: Array
     duration: float
     longest: float
@@ -69,6 +66,11 @@ class Survey:
     cut_off: float | None
     too_short: tuple[str, ...]
     unknown_gains: tuple[int, ...] = ()
+
+    @property
+    def still(self) -> tuple[int, ...]:
+        """Axes at rest, from 0."""
+        return tuple(np.flatnonzero(np.isfinite(self.rest)).tolist())
 
 
 class _Stretches:
@@ -133,7 +135,6 @@ def survey(
     return Survey(
         stretches=tuple(stretches.kept),
         speed=np.where(still, 1.0, np.maximum(np.max(speeds, axis=0), SLOWEST)),
-        still=tuple(int(axis) for axis in np.flatnonzero(still)),
         rest=np.where(still, np.mean([(each.low + each.high) / 2 for each in extents], 0), np.nan),
         duration=duration,
         longest=longest,
