@@ -324,7 +324,5 @@ FOR_ANY_PROCESSOR
 int torques(const double *state, const double *frames, const int64_t *parents, const double *gravity,
             const int64_t *kinds, const int64_t *links, const double *values, int64_t n,
             int64_t joints, int64_t n_columns, double *out) {
-    return is_chain(parents, joints)
-        ? pass(1, state, frames, parents, gravity, kinds, links, 0, values, n, joints, n_columns, joints, out)
-        : pass(0, state, frames, parents, gravity, kinds, links, 0, values, n, joints, n_columns, joints, out);
+    return pass(0, state, frames, parents, gravity, kinds, links, 0, values, n, joints, n_columns, joints, out);
 }
