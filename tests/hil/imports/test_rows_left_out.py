@@ -36,10 +36,21 @@ def slipped(x):
     return x + 0.3 * (np.arange(N) > 1500)
 
 
+def in_digits(x, digits=2):
+    """Round to significant digits: steps grow tenfold at 0.1, 1, 10, ..."""
+    step = 10.0 ** (np.floor(np.log10(np.maximum(np.abs(x), 1e-9))) + 1 - digits)
+    return np.round(x / step) * step
+
+
 @pytest.mark.parametrize(
     "columns",
-    [{}, {f"q{k}": held(COLUMNS[f"q{k}"]) for k in (1, 2)}, {"q1": slipped(COLUMNS["q1"])}],
-    ids=["nothing", "held values", "a slip of one joint"],
+    [
+        {},
+        {f"q{k}": held(COLUMNS[f"q{k}"]) for k in (1, 2)},
+        {"q1": slipped(COLUMNS["q1"])},
+        {f"q{k}": in_digits(COLUMNS[f"q{k}"]) for k in (1, 2)},
+    ],
+    ids=["nothing", "held values", "a slip of one joint", "significant digits"],
 )
 def test_nothing_else_splits_a_recording(tmp_path, columns):
     stated = imported(tmp_path, np.arange(N), **columns)

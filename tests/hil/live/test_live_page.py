@@ -234,7 +234,8 @@ def test_a_recording_stands_beside_its_prediction(browser: Chrome, page: Served)
 
 
 def test_torques_pass_by_until_there_is_a_recording(browser: Chrome, page: Served) -> None:
-    give(browser, page, [Sample(4.1 + 0.04 * k, Q, TAU, (0,) * 6, False) for k in range(40)])
+    passed = [(4.1 + 0.04 * k, (0.5 + 0.001 * k, *Q[1:])) for k in range(40)]
+    give(browser, page, [Sample(t, q, TAU, (0,) * 6, False) for t, q in passed])
     wait_until(browser, lambda: "at its end measured −500" in label(browser, 1))
     assert "predicted" not in label(browser, 1)
     shown = "return [...document.querySelectorAll('#torques figure')].map((e) => !e.hidden)"
@@ -409,8 +410,7 @@ def spans(browser: Chrome, axis: int) -> list[float]:
 def test_an_event_is_looked_back_at(browser: Chrome, watched: tuple[Served, Any]) -> None:
     page, _ = watched
     for k in range(3):
-        page.sample(Sample(6.1 + k, (1.0 + 0.1 * k, *Q[1:]), TAU, (0,) * 6, False))
-    wait_until(browser, lambda: browser.execute_script("return window.live.scene.q[0]") == 1.2)
+        give(browser, page, [Sample(6.1 + k, (1.0 + 0.1 * k, *Q[1:]), TAU, (0,) * 6, False)])
     page.publish("alarm", push=1, axis=1, torque=-31.2, threshold=9.0, unit="N m", t=6.6)
     wait_until(browser, lambda: "from outside" in text(browser, "notices"))
     browser.find_element(By.CSS_SELECTOR, "#notices .then").click()
