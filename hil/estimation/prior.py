@@ -194,20 +194,46 @@ class Prior:
 def open_covariance(robot: Robot, N: Array) -> Array:
     """Compute the covariance of the unknowns in directions without data, shape of N.
 
-    No rigid-body torque exceeds the torque limits by far. So a base parameter without data has a
-    standard deviation with which it alone needs the torque limit of an axis, the least of all axes,
-    as rms over positions, speeds and accelerations of up to 1 in SI. Zero if data determine all.
+    Along these directions, unknowns have the standard deviations `_sizes`. Zero if data determine
+    all.
     """
     n, lost = len(base_parameters(robot)), undetermined(N) | (np.diag(N) == 0)
     if not lost[:n].any():
         return np.zeros_like(N)
-    motion = np.random.default_rng(0).uniform(-1.0, 1.0, (3, 100, robot.n_joints))
-    torque = np.sqrt(np.mean(regressor(robot, *motion) ** 2, axis=0))
-    limit = np.nan_to_num(robot.torque_limit, nan=np.nanmax(robot.torque_limit, initial=1.0))
-    size = np.min(limit[:, np.newaxis] / np.maximum(torque, np.finfo(float).eps), axis=0)
-    free = null_space(N) * lost[:, np.newaxis]
-    _, values, V = np.linalg.svd(free[:n] / size[:, np.newaxis], full_matrices=False)
+    size = _sizes(robot, N)
+    squares = _squares(N, size)
+    lost |= undetermined(N, IDENTIFIABLE, squares)
+    free = null_space(N, IDENTIFIABLE, squares) * lost[:, np.newaxis]
+    _, values, V = np.linalg.svd(free[:n] / size[:n, np.newaxis], full_matrices=False)
     kept = values > 1e-6 * values[0]
     free = free @ V[kept].T / values[kept]
     covariance: Array = free @ free.T
     return covariance
+
+
+def least_unknowns(robot: Robot, N: Array) -> Array:
+    """Return the matrix T, shape of N: T x are the least unknowns, by size, with the torques N x.
+
+    Noise of positions excites directions beyond `IDENTIFIABLE`, which are left out.
+    """
+    root = inverse_root(N, IDENTIFIABLE, _squares(N, _sizes(robot, N)))
+    return np.asarray(root @ root.T @ N)
+
+
+def _squares(N: Array, size: Array) -> Array:
+    """Return the squares of columns that make torques of equal size, the loudest as long as in N."""
+    return np.asarray(np.max(np.diag(N) * size**2) / size**2)
+
+
+def _sizes(robot: Robot, N: Array) -> Array:
+    """Return physical sizes of the unknowns, shape (len(N),).
+
+    No rigid-body torque exceeds the torque limits by far. So the size of a base parameter is the
+    value with which it alone needs the torque limit of an axis, the least of all axes, as rms over
+    positions, speeds and accelerations of up to 1 in SI. Friction has that of the largest limit.
+    """
+    motion = np.random.default_rng(0).uniform(-1.0, 1.0, (3, 100, robot.n_joints))
+    torque = np.sqrt(np.mean(regressor(robot, *motion) ** 2, axis=0))
+    limit = np.nan_to_num(robot.torque_limit, nan=np.nanmax(robot.torque_limit, initial=1.0))
+    size = np.min(limit[:, np.newaxis] / np.maximum(torque, np.finfo(float).eps), axis=0)
+    return np.append(size, np.full(len(N) - len(size), limit.max()))

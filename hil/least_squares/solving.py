@@ -109,9 +109,9 @@ def undetermined(N: Array, rank: float = RANK, size: Array | None = None) -> Mas
     return found
 
 
-def null_space(N: Array, rank: float = RANK) -> Array:
+def null_space(N: Array, rank: float = RANK, size: Array | None = None) -> Array:
     """Return the undetermined directions of the unknowns, shape (n, number of directions)."""
-    scale, values, vectors = _decompose(N, None)
+    scale, values, vectors = _decompose(N, size)
     free = vectors[:, ~_select_determined(values, rank)]
     return free * np.where(scale > 0, scale, 1.0)[:, np.newaxis]
 

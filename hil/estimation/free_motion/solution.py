@@ -29,7 +29,7 @@ from hil.estimation.free_motion.choice import MATERIAL, covariance_of_choices
 from hil.estimation.free_motion.offsets import enlarge_covariance, only_directions, split_covariance
 from hil.estimation.free_motion.positive import nearest_positive
 from hil.estimation.options import DEFAULTS
-from hil.estimation.prior import open_covariance
+from hil.estimation.prior import least_unknowns, open_covariance
 from hil.least_squares.layout import embedded
 from hil.least_squares.regression import Regression, Solver
 from hil.least_squares.solving import condition, inverse, solved, undetermined
@@ -143,9 +143,12 @@ def settled(
     prior: Prior | None,
 ) -> Solution:
     """Complete a fit by a prior, then by a positive mass matrix at `configurations`."""
-    share, n = None, len(base_parameters(robot))
-    wide = open_covariance(robot, pieces.normal.information)
+    share, n, N = None, len(base_parameters(robot)), pieces.normal.information
+    wide = open_covariance(robot, N)
     lost = np.flatnonzero(np.diag(wide)[:n])
+    if prior is None and len(lost):
+        T = embedded(least_unknowns(robot, N), fit.kept, len(fit.x))
+        fit = replace(fit, x=T @ fit.x, covariance=T @ fit.covariance @ T.T)
     wide = embedded(wide, fit.kept, len(fit.x))
     if prior is None:
         fit = replace(fit, covariance=fit.covariance + wide)

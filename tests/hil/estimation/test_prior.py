@@ -13,7 +13,9 @@ from hil.errors import InvalidValue, UnknownName
 from hil.estimation.free_motion.variants import DEFAULT
 from hil.estimation.identify import estimate
 from hil.estimation.options import Options
-from hil.estimation.prior import Prior
+from hil.estimation.prior import Prior, least_unknowns
+from hil.least_squares.solving import solved
+from hil.model.dynamics import regressor
 from hil.model.frames import parameter_map
 
 if TYPE_CHECKING:
@@ -185,3 +187,19 @@ def test_directions_without_scatter_between_few_groups_are_not_taken_from_cad(ro
         groups = np.linalg.cholesky(np.linalg.inv(N)) @ rng.standard_normal((6, 3))
         made = of_cad.completed(robot, N, 1.2 * p, groups @ groups.T)
         np.testing.assert_array_equal(made.p, 1.2 * p)
+
+
+def test_a_column_that_is_tiny_and_parallel_to_another_gets_no_large_value(manutec: Robot) -> None:
+    """With axes at rest close to 0, cosines of 1 and sines of 1e-9 multiply the same motion."""
+    t = np.linspace(0.0, 10.0, 400)
+    q, qd, qdd = np.full((3, 400, 6), 1e-9)
+    q[:, 1], qd[:, 1], qdd[:, 1] = np.sin(t), np.cos(t), -np.sin(t)
+    rows = regressor(manutec, q, qd, qdd)
+    W, rng = rows.reshape(-1, rows.shape[2]), np.random.default_rng(1)
+    p = rng.standard_normal(W.shape[1])
+    N, tau = W.T @ W, W @ p + 0.01 * rng.standard_normal(len(W))
+    x = solved(N, W.T @ tau)
+    least = least_unknowns(manutec, N) @ x
+    assert np.abs(x).max() > 1e3 * np.abs(p).max()
+    assert np.abs(least).max() < 2.0 * np.abs(p).max()
+    np.testing.assert_allclose(W @ least, W @ x, atol=0.05)
