@@ -22,6 +22,7 @@ import numpy as np
 from hil.imports.evidence import Suspicion
 from hil.imports.spikes import GREATEST
 from hil.imports.tables import ROWS
+from hil.least_squares.standstill import extent, moving
 from hil.model.frames import ROUNDED_OFF
 
 if TYPE_CHECKING:
@@ -61,6 +62,10 @@ def clipped_positions(
         for joint, bounds in enumerate(zip(map(min, low), map(max, high), strict=True))
         if _has_plateaus(np.array(parts)[:, :, joint], bounds)
     }
+    if corners:  # an axis at rest, or with one increment of noise, has plateaus at both ends
+        period = stretches[0].period
+        moves = moving([extent(x, period) for x in _parts(samples, stretches) if len(x)])
+        corners = {joint: each for joint, each in corners.items() if moves[joint]}
     for part in _parts(samples, stretches) if corners else ():
         for joint, each in corners.items():
             each.add(part[:, joint])

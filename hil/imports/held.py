@@ -36,6 +36,9 @@ Below this share, the mean delay of a column is less than a tenth of a sample.
 """
 _HELD = 0.9
 """Minimum share of isolated steps for held values; a recorder is sometimes late."""
+SLOW = 0.05
+"""Share of the greatest speed below which an axis counts as at rest, as of strokes
+(`hil.imports.segments`)."""
 _ABOUT = np.ones(9)
 """Window in rows for the motion of a held position."""
 
@@ -70,6 +73,8 @@ def rows_held(x: Array) -> int:
 def fast_steps(positions: Sequence[Array]) -> Mask:
     """Return a mask of steps with a speed above the median of all moving steps of a joint.
 
+    Slower steps than a twentieth of the greatest are noise at rest.
+
     Parameters
     ----------
     positions : sequence of array (n,)
@@ -77,7 +82,9 @@ def fast_steps(positions: Sequence[Array]) -> Mask:
     """
     ways = np.abs(np.concatenate([np.convolve(np.diff(q), _ABOUT, "same") for q in positions]))
     moves = ways > 0
-    return np.asarray(moves & (ways >= np.median(ways[moves]))) if moves.any() else moves
+    if not moves.any():
+        return moves
+    return np.asarray(ways >= max(np.median(ways[moves]), SLOW * ways.max()))
 
 
 def repeats(columns: Sequence[Array], moving: Mask) -> float:

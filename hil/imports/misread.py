@@ -238,8 +238,10 @@ def _unsigned_torques(excerpts: Sequence[Excerpt]) -> Iterator[Suspicion]:
 
 
 def _touches(x: Array) -> int:
-    """Count samples as close to zero as at a zero crossing by chance."""
-    return int(np.count_nonzero((x > 0) & (x < CLOSE * np.quantile(np.abs(np.diff(x)), OFTEN))))
+    """Count samples as close to zero as by chance, between neighbours as far as of a crossing."""
+    near = CLOSE * np.quantile(np.abs(np.diff(x)), OFTEN)
+    # a torque of one sign that rests close to zero has small steps there
+    return int(np.count_nonzero((x[1:-1] > 0) & (x[1:-1] < near) & (x[:-2] + x[2:] > 10.0 * near)))
 
 
 def small(

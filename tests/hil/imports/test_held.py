@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from small_recording import a_map, table, write_csv, write_map
 
-from hil.imports.held import rows_held
+from hil.imports.held import fast_steps, repeats, rows_held
 from hil.imports.importing import import_recordings
 
 RATE = 200.0
@@ -96,6 +96,15 @@ def test_joints_at_rest_and_motions_with_stops_are_not_held():
     assert rows_held(np.full(20_000, 0.3)) == 1
     assert rows_held(np.round(np.clip(np.sin(t), -0.3, 0.3), 4)) == 1
     assert rows_held(np.where(t % 2 < 1, 0.0, np.sin(9 * t))) == 1
+
+
+def test_repetitions_by_noise_at_rest_are_not_held():
+    t, rng = np.arange(20_000) / 1000, np.random.default_rng(1)
+    q = np.where(t > 18, np.cos(t - 18), 1.0) + 4e-6 * rng.standard_normal(len(t))
+    q = np.round(q, 5)
+    q[-1] += 1e-7  # rounding of a converted value: increments do not explain repetitions
+    assert np.mean(np.diff(q) == 0) > 0.5
+    assert repeats([q], fast_steps([q])) == 0
 
 
 def test_torques_in_coarse_steps_are_named_with_the_step_and_its_share(tmp_path):

@@ -44,6 +44,11 @@ def test_torques_that_stay_on_one_side_of_zero_are_not(above):
         assert found(above + 3 + 3 * np.sin(np.outer(TIME, [2.1, 3.3])) + noise) == []
 
 
+def test_torques_of_one_sign_that_rest_close_to_zero_are_not():
+    noise = 1e-4 * np.abs(np.random.default_rng(1).standard_normal((len(TIME), 2)))
+    assert found(12 * np.maximum(np.sin(np.outer(TIME, [2.1, 3.3])), 0) ** 2 + noise) == []
+
+
 @pytest.mark.parametrize(("factor", "unit"), [(1, "in SI"), (180 / np.pi, "in deg")])
 def test_velocities_are_no_torques(factor, unit):
     first, second = found(factor * QD)
