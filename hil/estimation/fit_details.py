@@ -27,6 +27,7 @@ class MeasurementFit(FileModel):
     lag: ClassVar[tuple[()]] = ()
     compliance: ClassVar[dict[int, TermValue]] = {}
     not_identified: ClassVar[tuple[str, ...]] = ()
+    rest: ClassVar[dict[int, float]] = {}
 
     def sum_of(self, _name: str) -> str:
         """Return an empty sum, since every parameter is identified individually."""

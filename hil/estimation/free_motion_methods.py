@@ -147,6 +147,7 @@ def estimate_from(
         repeated=repeated_torques(found.stretches),
         blocks=products.n_pieces,
         still=tuple(axis + 1 for axis in found.still),
+        rest={axis + 1: float(found.rest[axis]) for axis in found.still},
         driving=driving_axes(fit),
         unusual=tuple(axis + 1 for axis in solution.unusual),
         not_identified=_names(robot, solution),

@@ -88,10 +88,15 @@ def impossible_links(model: IdentifiedRobot) -> Iterator[Impossible]:
 
 
 def _positions(model: IdentifiedRobot) -> Array:
-    """Return positions throughout the ranges; half a turn either way for unknown ranges."""
+    """Return positions throughout the ranges; half a turn either way for unknown ranges.
+
+    Axes that were at rest stay where they were: their torque is also that of static friction.
+    """
     robot = model.robot
     low, high = np.nan_to_num(robot.q_min, nan=-np.pi), np.nan_to_num(robot.q_max, nan=np.pi)
     found: Array = low + (high - low) * halton(POSITIONS, robot.n_joints)
+    for axis, at in model.details.rest.items():
+        found[:, axis - 1] = at
     return found
 
 
@@ -106,9 +111,10 @@ def _parameter(model: IdentifiedRobot, k: int) -> Iterator[Impossible]:
 def _energy(model: IdentifiedRobot, q: Array, rotors: Array, what: str) -> Iterator[Impossible]:
     """Find the most certain negative eigenvalue of M(q) and `rotors`, relative to M's diagonal."""
     robot, p = model.robot, model.values
-    M = mass_matrix(robot, p, q) + rotors
+    moved = [k for k in range(robot.n_joints) if k + 1 not in model.details.rest]
+    M = (mass_matrix(robot, p, q) + rotors)[:, moved][:, :, moved]
     own = np.abs(np.einsum("njj->nj", M)).mean(axis=0)
-    unit = np.eye(robot.n_joints)
+    unit = np.eye(robot.n_joints)[moved]
     some = q[:FEW]
     rows = np.array([energy_row(model, some, np.tile(u, (len(some), 1))) for u in unit])
     error = np.sqrt(_variance(model, rows)).mean(axis=1)
@@ -122,7 +128,7 @@ def _energy(model: IdentifiedRobot, q: Array, rotors: Array, what: str) -> Itera
         at = at[values[at, 0] < -_ROUNDING * np.abs(values).max()]
         u = vectors[at, :, 0] * scale
         u /= np.linalg.norm(u, axis=1, keepdims=True)
-        each = energy_row(model, q[at], u)
+        each = energy_row(model, q[at], u @ unit)
         own_error = np.sqrt(_variance(model, each))
         value = np.einsum("ni,nij,nj->n", u, M[at], u)
         found += zip(value / np.maximum(own_error, 1e-300), value, own_error, each, strict=True)

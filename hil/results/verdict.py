@@ -106,6 +106,11 @@ def _unexplained(fit: FreeMotionFit) -> Reservation | None:
         f"unexplained, a constant torque {fit.naive_residual[worst - 1]:.0%}"
     )
     share = fit.repeated[worst - 1] if fit.repeated else 0.0
+    if (fit.relative_residual[worst - 1] or 0.0) < ACCURACY and share <= HALF:
+        return doubtful(
+            f"{reason}: its torque is almost constant",
+            "add recordings in which the torque of this axis changes, or check its column",
+        )
     if share <= HALF:
         return failed(
             reason, "check columns, signs and units of the recording, and the direction of gravity"

@@ -100,6 +100,7 @@ class BackAndForthFit(FileModel):
     gains: ClassVar[tuple[()]] = ()
     lag: ClassVar[tuple[()]] = ()
     compliance: ClassVar[dict[int, TermValue]] = {}
+    rest: ClassVar[dict[int, float]] = {}
 
     def sum_of(self, name: str) -> str:
         """Return the sum identified in place of a parameter; empty for the parameter alone."""

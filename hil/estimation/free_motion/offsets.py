@@ -9,7 +9,8 @@ Let s be `ASYMMETRY` times the friction at half the speed. If most of the varian
 o is shared with base parameters, and o^2 > s^2 + V_oo, then either the offset is real, a sensor's
 zero error or a spring, or the model lacks a term that resembles acceleration. The torques do not
 show which, so the estimate stays and its covariance grows in the direction of least change of the
-torques, until o^2 = s^2 + V_oo: the value of the greatest likelihood.
+torques, until o^2 = s^2 + V_oo: the value of the greatest likelihood. An offset significantly above s is
+named.
 
 On an axis that moves in one direction only, offset and Coulomb friction share a column. Either may
 be the whole sum, so each is uncertain by half of the sum.
@@ -20,7 +21,9 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 import numpy as np
+from scipy import special
 
+from hil.estimation.intervals import SIGNIFICANT
 from hil.friction.direction import Direction
 from hil.friction.terms import friction_columns
 from hil.least_squares.solving import solved
@@ -37,7 +40,7 @@ joints of the TX40, 16 % on EMPS.
 
 
 def enlarge_covariance(
-    x: Array, V: Array, metric: Array, layout: Layout
+    x: Array, V: Array, metric: Array, layout: Layout, degrees: Array
 ) -> tuple[Array, list[int]]:
     """Enlarge the covariance of unusual offsets indistinguishable from gravity.
 
@@ -50,12 +53,14 @@ def enlarge_covariance(
     metric : ndarray, shape (n, n)
         Inverse of the normal equations; 0 for terms not in a law. Its columns are the directions of
         least change of the torques.
+    degrees : ndarray, shape (n,)
+        Degrees of freedom of V.
 
     Returns
     -------
     V : ndarray
     axes : list of int
-        Axes with an unusual offset, from 0.
+        Axes with an offset significantly above s, from 0. An axis at rest shows no friction.
     """
     unusual, n_shared = [], len(layout.shared)
     half, still = np.array([0.5, -0.5]), np.zeros(2)
@@ -73,9 +78,12 @@ def enlarge_covariance(
         across = V[:n_shared, place]
         explained = float(across @ solved(V[:n_shared, :n_shared], across))
         if explained / float(V[place, place]) >= 0.9:
+            tail = SIGNIFICANT / 2.0 / layout.n_channels  # one family of tests
+            t = special.stdtrit(degrees[place], 1.0 - tail)
+            if s > 0.0 and abs(x[place]) > s + t * np.sqrt(V[place, place]):
+                unusual.append(axis)
             way = metric[:, place] / metric[place, place]
             V = V + more * np.outer(way, way)
-            unusual.append(axis)
     return V, unusual
 
 

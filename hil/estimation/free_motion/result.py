@@ -93,6 +93,9 @@ class FreeMotionFit(FileModel):
     still, driving, unusual : tuple of int
         Axes, from 1: at rest in all recordings; with a friction law that supplies power to the
         motion; with an offset larger than usual for friction, which resembles weight.
+    rest : dict of int to float
+        Positions of the axes at rest, by axis from 1 [rad or m]; empty in models of earlier
+        versions.
     not_identified : tuple of str
         Base parameters without data, because axes are at rest.
     bias_test : BiasTest, optional
@@ -131,6 +134,7 @@ class FreeMotionFit(FileModel):
     still: tuple[int, ...] = ()
     driving: tuple[int, ...] = ()
     unusual: tuple[int, ...] = ()
+    rest: dict[int, float] = Field(default_factory=dict)
     not_identified: tuple[str, ...] = ()
     velocity_reasons: tuple[str, ...] = ()
     gains: tuple[GainValue, ...] = ()

@@ -225,7 +225,9 @@ def _possible(
     and the parameters stay unchanged.
     """
     metric = embedded(inverse(pieces.normal.information), fit.kept, len(fit.x)) + wide
-    covariance, unusual = enlarge_covariance(fit.x, fit.covariance, metric, fit.layout)
+    covariance, unusual = enlarge_covariance(
+        fit.x, fit.covariance, metric, fit.layout, fit.degrees_of_freedom
+    )
     nearest = nearest_positive(robot, fit.x, metric, configurations)
     error = np.sqrt(np.maximum(np.diag(covariance), np.finfo(float).tiny))
     moved = float(np.abs((nearest - fit.x) / error)[fit.kept].max(initial=0.0))

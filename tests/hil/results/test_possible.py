@@ -67,6 +67,17 @@ def test_a_mass_matrix_that_noise_may_have_made_indefinite_is_a_doubt() -> None:
     assert verdict(arm_model(-0.26, 0.0002)).word == "failed"
 
 
+def test_an_axis_at_rest_is_judged_where_it_was(tmp_path: Path) -> None:
+    """Its torque is also that of static friction; off its position, the model does not hold."""
+    model = identify(write_free_run(tmp_path / "run", arm(), recorded(arm(), TRUTH)))
+    values = model.values.copy()
+    values[HEADS.index("sx2")] = 20.0  # negative kinetic energy for a stretched arm
+    wrong = replace(model, values=values)
+    assert any("mass matrix" in each.what for each in impossible_inertias(wrong))
+    at_rest = wrong.details.model_copy(update={"rest": {2: np.pi / 2}, "still": (2,)})
+    assert not [*impossible_inertias(replace(wrong, details=at_rest))]
+
+
 def test_negative_inertia_behind_a_rotor_is_named_though_the_mass_matrix_is_positive() -> None:
     model = arm_model(-0.03, 0.003)
     assert not [*impossible_inertias(model)]

@@ -66,6 +66,14 @@ def test_friction_that_gives_power_is_doubted_by_its_axis(tmp_path: Path) -> Non
     assert found.driving == (2,)
 
 
+def test_a_torque_that_hardly_changes_is_a_doubt_and_no_failure(tmp_path: Path) -> None:
+    model = identified(tmp_path, lambda tau: tau)
+    constant = {"relative_residual": (0.01, 0.02), "naive_residual": (1.0, 0.02)}
+    found = judged(replace(model, details=model.details.model_copy(update=constant)))
+    assert found.word == "doubtful"
+    assert "axis 2: the model leaves 2% of the torque" in str(found.reasons)
+
+
 def test_an_unusual_offset_that_passes_for_weight_is_doubted_by_its_axis(tmp_path: Path) -> None:
     model = identified(tmp_path, lambda tau: tau)
     unusual = model.details.model_copy(update={"unusual": (2,)})

@@ -13,6 +13,7 @@ OFFSET, COULOMB = 1 + COLUMNS.index("offset"), 1 + COLUMNS.index("Coulomb")
 G = 9.81
 FRICTION = 20.0
 LAYOUT = Layout(("p1",), COLUMNS, axis_names(1))
+DEGREES = np.full(1 + len(COLUMNS), 8.0)
 
 
 def unknowns(error: float, own: float) -> tuple[np.ndarray, np.ndarray]:
@@ -30,22 +31,34 @@ def unknowns(error: float, own: float) -> tuple[np.ndarray, np.ndarray]:
 
 def test_weight_is_as_uncertain_as_an_unusual_offset() -> None:
     x, V = unknowns(error=12.0, own=0.01)
-    covariance, axes = enlarge_covariance(x, V, V, LAYOUT)
+    covariance, axes = enlarge_covariance(x, V, V, LAYOUT, DEGREES)
     assert axes == [0]
     unusual = np.sqrt(12.0**2 - (ASYMMETRY * FRICTION) ** 2)
     assert np.sqrt(covariance[0, 0]) == pytest.approx(unusual / G, rel=1e-3)
     assert abs(x[0] - 8.0) < 1.96 * np.sqrt(covariance[0, 0])
 
 
+@pytest.mark.parametrize(("error", "at_rest"), [(8.0, False), (12.0, True)])
+def test_neither_noise_nor_an_axis_at_rest_is_an_unusual_offset(
+    error: float, at_rest: bool
+) -> None:
+    """With 8 degrees of freedom, 2.5 standard errors above 3 N are noise."""
+    x, V = unknowns(error=error, own=0.01)
+    x[COULOMB] *= not at_rest
+    covariance, axes = enlarge_covariance(x, V, V, LAYOUT, DEGREES)
+    assert axes == []
+    assert covariance[0, 0] > V[0, 0]
+
+
 def test_a_usual_offset_is_no_reason_to_doubt() -> None:
     x, V = unknowns(error=0.5, own=0.01)
-    covariance, axes = enlarge_covariance(x, V, V, LAYOUT)
+    covariance, axes = enlarge_covariance(x, V, V, LAYOUT, DEGREES)
     assert covariance == pytest.approx(V)
     assert axes == []
 
 
 def test_an_offset_that_the_motion_shows_by_itself_is_no_reason_to_doubt() -> None:
     x, V = unknowns(error=12.0, own=3.0)
-    covariance, axes = enlarge_covariance(x, V, V, LAYOUT)
+    covariance, axes = enlarge_covariance(x, V, V, LAYOUT, DEGREES)
     assert covariance == pytest.approx(V)
     assert axes == []
