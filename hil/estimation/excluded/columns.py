@@ -35,6 +35,7 @@ import numpy as np
 from hil.estimation.excluded.backlash import FINER, HALF_GAPS, Driven, displacements
 from hil.estimation.excluded.causes import CAUSES, FITTED
 from hil.estimation.signals import derivatives
+from hil.least_squares.solving import IDENTIFIABLE, inverse
 from hil.model.base_parameters import base_parameters
 from hil.model.dynamics import inverse_dynamics, inverse_dynamics_at, regressor
 from hil.model.motors import motor_torque
@@ -167,7 +168,10 @@ class EvidenceRows:
         left, own = e.project_out_friction(e.torque - e.X @ self.p), e.project_out_friction(e.own)
         for channel in np.unique(e.axis):
             at = e.axis == channel
-            found[at] = e.own[at] @ np.linalg.lstsq(own[at], left[at], rcond=None)[0]
+            # what friction takes of a column, it cannot show
+            whole = np.sum(e.own[at] ** 2, axis=0)
+            N_inverse = inverse(own[at].T @ own[at], IDENTIFIABLE, whole)
+            found[at] = e.own[at] @ (N_inverse @ (own[at].T @ left[at]))
         return found
 
     @cached_property

@@ -9,6 +9,7 @@ import pytest
 from free_run import TRUTH, arm, recorded
 
 from hil.estimation.excluded import proof
+from hil.estimation.excluded.columns import EvidenceRows
 from hil.estimation.excluded.evidence import Evidence
 from hil.least_squares.window import smooth
 
@@ -89,3 +90,14 @@ def test_of_many_free_motions_every_so_many_are_looked_at_whole(
     assert len(found) == kept
     assert len(set(np.diff(places))) <= 1
     assert all(len(s.time) == len(data[0][1].time) for _, s in found)
+
+
+def test_columns_in_the_span_of_friction_make_no_torque() -> None:
+    """Rounding leaves 1e-10 of such a column, which must not carry the residual torque."""
+    made, rng = evidence(4, 100, 3), np.random.default_rng(1)
+    own = np.zeros_like(made.own)
+    for rows, Q in made.parts:
+        own[rows] = Q @ rng.standard_normal((3, 2)) + 1e-10 * rng.standard_normal((100, 2))
+    p, X = np.zeros(len(TRUTH)), np.zeros((len(own), len(TRUTH)))
+    found = EvidenceRows(arm(), p, replace(made, own=own, X=X)).own_torque
+    assert np.abs(found).max() < 1e-3
