@@ -221,7 +221,7 @@ def least_unknowns(robot: Robot, N: Array) -> Array:
 
 
 def _squares(N: Array, size: Array) -> Array:
-    """Return the squares of columns that make torques of equal size, the loudest as long as in N."""
+    """Return squares of columns with torques of equal size, the loudest as long as in N."""
     return np.asarray(np.max(np.diag(N) * size**2) / size**2)
 
 

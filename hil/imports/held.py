@@ -83,7 +83,7 @@ def fast_steps(positions: Sequence[Array]) -> Mask:
     ways = np.abs(np.concatenate([np.convolve(np.diff(q), _ABOUT, "same") for q in positions]))
     moves = ways > 0
     if not moves.any():
-        return moves
+        return np.asarray(moves)
     return np.asarray(ways >= max(np.median(ways[moves]), SLOW * ways.max()))
 
 

@@ -9,8 +9,8 @@ Let s be `ASYMMETRY` times the friction at half the speed. If most of the varian
 o is shared with base parameters, and o^2 > s^2 + V_oo, then either the offset is real, a sensor's
 zero error or a spring, or the model lacks a term that resembles acceleration. The torques do not
 show which, so the estimate stays and its covariance grows in the direction of least change of the
-torques, until o^2 = s^2 + V_oo: the value of the greatest likelihood. An offset significantly above s is
-named.
+torques, until o^2 = s^2 + V_oo: the value of the greatest likelihood. An offset significantly above
+s is named.
 
 On an axis that moves in one direction only, offset and Coulomb friction share a column. Either may
 be the whole sum, so each is uncertain by half of the sum.

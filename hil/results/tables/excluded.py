@@ -50,7 +50,8 @@ def excluded(
 def untestable(axes: Sequence[int], source: str) -> str:
     """Return the reason why causes of axes, from 1, have no size; axis 0 stands for the arm."""
     which = " and ".join(f"axis {axis}" if axis else "the arm" for axis in axes)
-    return f"not testable with {source}: {which} would need more torque than there is"
+    verb = "has" if len(axes) == 1 else "have"
+    return f"not testable with {source}: {which} {verb} too little torque"
 
 
 def foreseen(proof: Excluded, n_joints: int, source: str) -> Table:

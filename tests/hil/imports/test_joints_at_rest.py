@@ -42,7 +42,7 @@ AT_REST = {
     "noise as velocity": {"q2": 0 * T, "v2": 0.02 * RNG.standard_normal(len(T))},
     "one count of the encoder in one sample": {"q2": flicker(COUNT, [500]), "v2": 0 * T},
     "an encoder between two counts": {
-        "q2": COUNT * np.round(T % 2 < 1.3 + np.sin(40 * T)), "v2": 0 * T},
+        "q2": COUNT * np.round(1.3 + np.sin(40 * T) > T % 2), "v2": 0 * T},
     "counts of a velocity here and there": {
         "q2": flicker(0, []), "v2": flicker(0.0049, [100, 500, 503, 900]) - 0.3},
     "three counts of a velocity": {"q2": 0 * T, "v2": flicker(0.0147, [100, 500, 900]) - 0.3},

@@ -182,7 +182,4 @@ def test_a_size_with_more_torque_than_the_recorded_one_is_no_limit() -> None:
     shown = excluded(Excluded(found=(), limits=limits, tests=1), 2)
     (row,) = shown.parts[0].rows
     assert row[2:] == ("3.5", UNTESTED, "3.5")
-    assert any(
-        "these recordings: axis 2 would need more torque than there is" in note
-        for note in shown.notes
-    )
+    assert any("these recordings: axis 2 has too little torque" in note for note in shown.notes)
