@@ -36,7 +36,7 @@ def slipped(x):
     return x + 0.3 * (np.arange(N) > 1500)
 
 
-def in_digits(x, digits=2):
+def rounded_to_digits(x, digits=2):
     """Round to significant digits: steps grow tenfold at 0.1, 1, 10, ..."""
     step = 10.0 ** (np.floor(np.log10(np.maximum(np.abs(x), 1e-9))) + 1 - digits)
     return np.round(x / step) * step
@@ -48,7 +48,7 @@ def in_digits(x, digits=2):
         {},
         {f"q{k}": held(COLUMNS[f"q{k}"]) for k in (1, 2)},
         {"q1": slipped(COLUMNS["q1"])},
-        {f"q{k}": in_digits(COLUMNS[f"q{k}"]) for k in (1, 2)},
+        {f"q{k}": rounded_to_digits(COLUMNS[f"q{k}"]) for k in (1, 2)},
     ],
     ids=["nothing", "held values", "a slip of one joint", "significant digits"],
 )
