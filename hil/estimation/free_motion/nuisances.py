@@ -109,9 +109,9 @@ def find_nuisances(
     )
     plain = usual(products.pieces[0])
     slowest = max(dead_zone_of(products, plain.weights), 1)
-    # largest lag in either direction: beyond 0.03 s the columns of a log do not match; beyond half
-    # a period of the equation's cut-off frequency Gauss-Newton may converge to a wrong period
-    most = min(0.03, 0.5 / processing.band)
+    # largest lag in either direction: two samples of a log at 20 Hz; beyond half a period of the
+    # equation's cut-off frequency Gauss-Newton may converge to a wrong period
+    most = min(0.1, 0.5 / processing.band)
     first = plain.solution[: len(first)]
     # shifts of the condensed torque per period of the cut-off frequency: six shifts interpolate the
     # torque at that frequency within 1e-4
