@@ -21,11 +21,11 @@ from checked_files.foreign_text import whole_line
 from checked_files.yaml_file import FileError, parse_yaml, read_text
 from hil.least_squares.uncertainty import TWICE
 from hil.optional_packages import needed_for
+from hil.results.changes import changed_table
 from hil.results.deviations import ENOUGH, FIRST, NEWEST, Deviations, Fleet, deviations
 from hil.results.fleet_index import EXTRA, known_keys, model_rows, table_of, write_part
 from hil.results.model import Model
 from hil.results.model_file import NAME, ModelFile
-from hil.results.tables.changes import changed_table
 from hil.runs.run import Run
 from hil.show.charts.chart import MEASURED, MUTED, Chart, Line, Panel, Points, chart
 from hil.show.outcome import Outcome, Verdict

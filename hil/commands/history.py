@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from hil.estimation.intervals import SIGNIFICANT
-from hil.results.tables.changes import changed_table
+from hil.results.changes import changed_table
 from hil.runs.journal import now
 from hil.show.charts.chart import MEASURED, MODEL, MUTED, Chart, Panel, Points, chart
 from hil.show.outcome import Outcome, Verdict

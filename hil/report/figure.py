@@ -11,7 +11,7 @@ import numpy as np
 from hil.commands.torques import torque_chart
 from hil.errors import FileError, NotEnoughData
 from hil.model.base_parameters import base_parameters
-from hil.report.sections.friction_plots import levels
+from hil.report.sections.friction import levels
 from hil.runs.atomic_file import write_file
 from hil.runs.run import opened
 from hil.show.charts.chart import MODEL, Band, Chart, Line, Panel, Points, Rule, chart

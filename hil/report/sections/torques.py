@@ -15,7 +15,7 @@ from hil.commands.torques import torque_chart
 from hil.friction.equation import SLOW
 from hil.least_squares.uncertainty import TWICE
 from hil.report.sections.friction import models_plot
-from hil.report.sections.imported import friction_curves
+from hil.report.sections.parameters import friction_curves
 from hil.results.identified_robot import friction_alone
 from hil.show.charts.chart import (
     MUTED,

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from hil.estimation.excluded.result import Excluded, Limit
-from hil.report.sections.excluded import dots
+from hil.report.sections.parameters import dots
 from hil.show.charts.chart import Points
 
 
