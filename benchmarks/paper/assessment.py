@@ -17,8 +17,7 @@ from hil.commands.friction import fit_friction
 from hil.estimation.friction import symmetry
 from hil.estimation.identify import estimate
 from hil.estimation.signals import CUTOFF, Signals, signals
-from hil.estimation.two_step import TwoStep
-from hil.estimation.two_step_methods import local_fits, prepare
+from hil.estimation.two_step_methods import TwoStep, local_fits, prepare
 from hil.ground_truth.comparison import comparison
 from hil.ground_truth.true_parameters import true_parameters
 from hil.model.base_parameters import base_parameters
@@ -31,7 +30,7 @@ if TYPE_CHECKING:
     from pathlib import Path
 
     from hil.arrays import Array
-    from hil.estimation.local_values import LocalFit
+    from hil.estimation.local_fits import LocalFit
     from hil.estimation.signals import Prepared
     from hil.model.robot import Robot
     from hil.runs.run import Run

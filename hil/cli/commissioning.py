@@ -190,7 +190,7 @@ def _open_session(
 ) -> Iterator[tuple[Fieldbus, TerminalOperator, SettingsKeeper]]:
     """Open bus and terminal, and keep the drives' found settings."""
     from hil.cli import bus_access
-    from hil.tasks.found_settings import keeper_of_bus
+    from hil.tasks.bus_state import keeper_of_bus
 
     with (
         bus_access.open_bus(drives_file, drives, where) as bus,

@@ -165,7 +165,7 @@ def measure(
         from hil.cli.run_session import carry_out
         from hil.planning.plan import repeat_measurements
         from hil.runs.journal import BusName
-        from hil.tasks.found_settings import keeper_of_run
+        from hil.tasks.bus_state import keeper_of_run
         from hil.tasks.measuring import prepared_folder, refuse_unusable
         from hil.terminal.progress import shown
 
@@ -219,15 +219,15 @@ def _feed(
 
 
 def _show_changes(the_plan: Plan, the_robot: Robot, source: Path, output: Path, how: OnBus) -> None:
-    from hil.cli import bus_access, drive_settings
-    from hil.tasks.found_settings import kept_in
+    from hil.cli import bus_access
+    from hil.tasks.bus_state import kept_in
 
     drives, _ = _check_drives(the_plan, the_robot, source, how)
     channel = how.channel or the_robot.name
     parse_pairs(how.bus_option)
     kept = kept_in(output, how.interface, channel)
     with bus_access.open_interface(how.interface, channel, drives.bitrate, how.bus_option) as bus:
-        drive_settings.show_changes(drives, bus, kept)
+        bus_access.show_changes(drives, bus, kept)
     say("no object was written, no axis was powered")
 
 

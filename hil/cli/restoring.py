@@ -70,7 +70,7 @@ def _put_back(bus: Fieldbus, settings: FoundSettings, file: Path) -> tuple[Found
     """Restore drive by drive and update the file; return settings, and True if any failed."""
     from drivers.found_settings.settings_file import dump_found_settings
     from drivers.operator_tools.put_back import put_back
-    from hil.cli.drive_settings import show_changed
+    from hil.cli.bus_access import show_changed
     from hil.runs.atomic_file import write_file
 
     failed = False

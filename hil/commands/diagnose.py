@@ -16,8 +16,7 @@ import numpy as np
 
 from checked_files.yaml_file import FileModel, load_yaml
 from hil.errors import Mismatch
-from hil.estimation.absent_parameters import examine
-from hil.estimation.gravity_phase import Phase, Sinusoid, shifted_most
+from hil.estimation.absent_parameters import Phase, Sinusoid, examine, shifted_most
 from hil.estimation.identify import estimate
 from hil.estimation.two_step_methods import prepared_for
 from hil.model.base_parameters import base_parameters
@@ -41,7 +40,7 @@ if TYPE_CHECKING:
     from hil.arrays import Array
     from hil.estimation.absent_parameters import ModelErrors
     from hil.estimation.estimate import Estimate
-    from hil.estimation.local_values import LocalValue
+    from hil.estimation.local_fits import LocalValue
     from hil.model.robot import Robot
     from hil.planning.measurement import ElementKind
     from hil.runs.run import Run
@@ -115,7 +114,7 @@ class Needless(FileModel):
 
 
 class PhaseRecord(FileModel):
-    """Values of Fig. 7; see `hil.estimation.gravity_phase.Phase`. Axes count from 1."""
+    """Values of Fig. 7; see `hil.estimation.absent_parameters.Phase`. Axes count from 1."""
 
     axis: int
     over: int

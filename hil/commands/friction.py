@@ -15,8 +15,7 @@ import numpy as np
 from checked_files.yaml_file import FileError, FileModel, load_yaml
 from hil.errors import AsymmetricFriction, Mismatch, NotEnoughData
 from hil.estimation.friction import symmetry
-from hil.estimation.friction.history import history
-from hil.estimation.friction.points import GravityModel, points
+from hil.estimation.friction.points import GravityModel, history, points
 from hil.estimation.friction.symmetry import Symmetry
 from hil.friction.curves import FrictionModel, Law, choose
 from hil.friction.drift import Level, drift

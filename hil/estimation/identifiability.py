@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from hil.arrays import Array
-    from hil.estimation.local_values import LocalFit
+    from hil.estimation.local_fits import LocalFit
     from hil.least_squares.regression import Regression
     from hil.model.robot import Robot
 

@@ -22,7 +22,7 @@ from hil.view.stretches import stretches
 if TYPE_CHECKING:
     from hil.commands.friction import FrictionResult
     from hil.estimation.estimate import Estimate
-    from hil.estimation.local_values import LocalValue
+    from hil.estimation.local_fits import LocalValue
     from hil.model.robot import Robot
     from hil.planning.measurement import RecordedMotion
     from hil.results.findings import Findings

@@ -155,7 +155,7 @@ def follow_from(
     recordings: Sequence[tuple[RecordedMotion, Recording]],
 ) -> Findings:
     """Derive all findings from an estimate."""
-    from hil.estimation.friction.history import history  # noqa: PLC0415 - as above
+    from hil.estimation.friction.points import history  # noqa: PLC0415 - as above
     from hil.estimation.two_step_methods import fit_published  # noqa: PLC0415
     from hil.friction.drift import Level, drift  # noqa: PLC0415
     from hil.results.advice import CampaignResult, advice  # noqa: PLC0415

@@ -20,7 +20,7 @@ from hil.runs.atomic_file import locked
 from hil.runs.journal import BusName
 from hil.runs.run import Run
 from hil.runs.run_folder import RunFolder
-from hil.tasks.found_settings import keeper_of_run
+from hil.tasks.bus_state import keeper_of_run
 from hil.tasks.plan_files import opened_plan
 from hil.tasks.robot_drives import (
     bus_cycle,

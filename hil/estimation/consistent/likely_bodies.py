@@ -4,7 +4,7 @@ Torques show only combinations of the links' parameters; the rest is chosen near
 bodies. Bodies stated in a URDF take precedence. Otherwise a link is a rod with rounded ends: the
 capsule in the robot file, or the line from its frame to the next one; its mass is proportional to
 its volume. The common scale of mass and size is left to the data
-(`hil.estimation.consistent.likeliest`); here all links have the density of water.
+(`hil.estimation.consistent.nearest`); here all links have the density of water.
 """
 
 from __future__ import annotations

@@ -29,7 +29,7 @@ if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator, Sequence
 
     from hil.arrays import Array, Indices
-    from hil.estimation.local_values import LocalValue
+    from hil.estimation.local_fits import LocalValue
     from hil.estimation.simultaneous import Joint
     from hil.model.robot import Robot
 

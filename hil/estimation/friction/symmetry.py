@@ -29,7 +29,7 @@ if TYPE_CHECKING:
 
     from hil.arrays import Array
     from hil.estimation.friction.points import FrictionPoint
-    from hil.estimation.local_values import LocalValue
+    from hil.estimation.local_fits import LocalValue
 
 
 BOUND = 0.02

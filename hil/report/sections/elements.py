@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
 
     from hil.estimation.estimate import Estimate
-    from hil.estimation.local_values import LocalValue
+    from hil.estimation.local_fits import LocalValue
     from hil.model.robot import Robot
     from hil.planning.measurement import ElementKind, ElementMeasurement
     from hil.report.reported_run import ReportedRun

@@ -36,7 +36,7 @@ if TYPE_CHECKING:
     from hil.commands.friction import FrictionResult
     from hil.estimation.estimate import Estimate
     from hil.estimation.friction.points import FrictionPoint
-    from hil.estimation.local_values import LocalValue
+    from hil.estimation.local_fits import LocalValue
     from hil.friction.curves import AxisCurves
     from hil.friction.drift import Drift
     from hil.model.robot import Robot

@@ -6,12 +6,11 @@ import numpy as np
 import pytest
 from synthetic import TABLE_3_A, Friction, record
 
-from hil.estimation.absent_parameters import examine
+from hil.estimation.absent_parameters import SEEN, examine, models, shifted_most
 from hil.estimation.drive_train import directly_driven, find_drive_train
-from hil.estimation.gravity_phase import SEEN, models, shifted_most
 from hil.estimation.identify import estimate
 from hil.estimation.loads.evidence import condensed_like, stroke_evidence
-from hil.estimation.loads.fit import fit_load
+from hil.estimation.loads.joint import fit_load
 from hil.estimation.noise_levels import noise_levels
 from hil.estimation.signals import signals
 from hil.estimation.simultaneous import SimultaneousFit

@@ -15,7 +15,7 @@ from checked_files.yaml_file import load_yaml
 from hil import cli
 from hil.commands.diagnose import NAME, DiagnosisFile, diagnose, write_diagnosis
 from hil.commands.payload import changes, torque_constants
-from hil.estimation.gravity_phase import Sinusoid
+from hil.estimation.absent_parameters import Sinusoid
 from hil.model.base_parameters import base_parameters
 from hil.report.page import report
 from hil.report.sections.kept import current

@@ -10,8 +10,8 @@ import pytest
 
 from hil.commands.diagnose import shifted_sinusoid
 from hil.commands.payload import load_chart
+from hil.estimation.absent_parameters import Phase, Sinusoid
 from hil.estimation.drive_train import compliance_units
-from hil.estimation.gravity_phase import Phase, Sinusoid
 from hil.model.robot import Robot
 from hil.planning.free_motion import FreeMotion
 from hil.planning.measurement import ELEMENT_KINDS
