@@ -218,7 +218,14 @@ def _gravity(robot: Robot, m: Gravity, s: Signals) -> LocalFit:
     sides, v = signals.sides, signals.v
     means: tuple[list[Array], list[Array]] = ([], [])
     for stroke in range(m.n_strokes):
-        window = _window(m, s, v, stroke)
+        # samples at constant velocity, without the transient after the ramp
+        wanted = m.velocity if stroke % 2 == 0 else -m.velocity
+        # largest relative deviation from the profile velocity at constant velocity
+        off = (s.stroke != stroke) | (np.abs(v - wanted) > 0.1 * m.velocity)
+        window: NDArray[np.bool_] = ~off & s.valid
+        if window.any():
+            first = int(np.flatnonzero(window)[0])
+            window[first : first + round(SETTLING / s.period)] = False
         # shortest window of constant velocity [s]
         if window.sum() * s.period >= 0.1:
             means[stroke % 2].append(sides[window].mean(axis=0))
@@ -377,18 +384,6 @@ def _static_rows(robot: Robot, s: Signals, axis: int, *accelerated: int) -> tupl
         return rows[0][:, list(base_parameters(robot).groups[GRAVITY])], rows[-1] - rows[0]
 
     return s.once((_static_rows, robot, axis), compute_rows)
-
-
-def _window(m: Gravity, s: Signals, v: Array, stroke: int) -> NDArray[np.bool_]:
-    """Return the samples at constant velocity, without the transient after the ramp."""
-    wanted = m.velocity if stroke % 2 == 0 else -m.velocity
-    # largest relative deviation from the profile velocity at constant velocity
-    off = (s.stroke != stroke) | (np.abs(v - wanted) > 0.1 * m.velocity)
-    steady: NDArray[np.bool_] = ~off & s.valid
-    if steady.any():
-        first = int(np.flatnonzero(steady)[0])
-        steady[first : first + round(SETTLING / s.period)] = False
-    return steady
 
 
 def _mean_q(s: Signals, used: NDArray[np.bool_]) -> Array:

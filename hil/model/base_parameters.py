@@ -81,15 +81,12 @@ def _meaning(robot: Robot, head: str, row: Array, gravity: Sequence[str]) -> str
     if letters in _ADDED:
         return _ADDED[letters].format(link)
     if letters.startswith("s"):
-        return _first_moment(letters[1], link, gravity)
+        along = letters[1]
+        if f"s{along}{link}" not in gravity:
+            return f"mass times {along} of link {link}"
+        alone = sum(each in (f"sx{link}", f"sy{link}", f"sz{link}") for each in gravity) == 1
+        return f"gravity of axis {link}" + ("" if alone else f", {along}")
     return f"mass moved by axis {link}" if letters == "m" else _inertia(robot, head, row)
-
-
-def _first_moment(along: str, link: str, gravity: Sequence[str]) -> str:
-    if f"s{along}{link}" not in gravity:
-        return f"mass times {along} of link {link}"
-    alone = sum(each in (f"sx{link}", f"sy{link}", f"sz{link}") for each in gravity) == 1
-    return f"gravity of axis {link}" + ("" if alone else f", {along}")
 
 
 def _inertia(robot: Robot, head: str, row: Array) -> str:

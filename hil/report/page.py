@@ -161,7 +161,20 @@ def report(run: Run | Path | str, figures: Path | None = None) -> Path:
     registry = OF_IDENTIFIED if whole.is_identified else OF_FRICTION
     sections = list(filter(None, (each(whole) for each in registry)))
     path = run.path / NAME
-    values = _values(whole, sections)
+    templates = _templates()
+    texts = [(section, _text(templates, section)) for section in sections]
+    charts = [plot.chart for plot in _plots(sections)]
+    behind = frozenset[str]().union(*(chart.ids for chart in charts))
+    played = {panel.recording for chart in charts for panel in chart.panels if panel.recording}
+    values = {
+        **_top(whole),
+        "lead": next((text for section, text in texts if section.leads), ""),
+        "sections": [each for each in texts if not each[0].leads],
+        "downloads": downloads(whole.model) if whole.is_identified else (),
+        "carried": carried(whole, behind, played),
+        "run": whole.source,
+        "picture": arm(whole.robot, first_pose(whole.robot, whole.campaign[0].recording)),
+    }
     write_html(path, NAME, view_script() if values["carried"] else "", **values)
     if figures is not None:
         _write_figures(figures, _plots(sections))
@@ -174,23 +187,6 @@ def _plots(sections: Iterable[Section]) -> list[Plot]:
 
 def _templates() -> Environment:
     return environment(*TEMPLATES)
-
-
-def _values(whole: ReportedRun, sections: Sequence[Section]) -> dict[str, object]:
-    templates = _templates()
-    texts = [(section, _text(templates, section)) for section in sections]
-    charts = [plot.chart for plot in _plots(sections)]
-    behind = frozenset[str]().union(*(chart.ids for chart in charts))
-    played = {panel.recording for chart in charts for panel in chart.panels if panel.recording}
-    return {
-        **_top(whole),
-        "lead": next((text for section, text in texts if section.leads), ""),
-        "sections": [each for each in texts if not each[0].leads],
-        "downloads": downloads(whole.model) if whole.is_identified else (),
-        "carried": carried(whole, behind, played),
-        "run": whole.source,
-        "picture": arm(whole.robot, first_pose(whole.robot, whole.campaign[0].recording)),
-    }
 
 
 def _top(run: ReportedRun) -> dict[str, object]:

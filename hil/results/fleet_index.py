@@ -65,7 +65,16 @@ def model_rows(
         An impossible date.
     """
     about, causes = found.provenance, found.excluded
-    time = _time(about.measured or about.identified, run)
+    # date in seconds since 1970; refuse an impossible one, which would misorder runs
+    measured = about.measured or about.identified
+    time, now = math.nan, datetime.now(UTC)
+    with suppress(ValueError, OverflowError):
+        time = datetime.fromisoformat(measured).timestamp()
+    if not 0.0 <= time <= now.timestamp() + ZONES:
+        raise FileError(
+            f"{run}: measured {measured[:40]!r} must be a date from 1970 to now"
+            f" ({now.date()}); check the clocks of both computers, and correct the date in the file"
+        )
     head = (
         about.robot, machine, run, key, digest, time, found.method,
         "" if found.verdict is None else found.verdict.word,
@@ -86,19 +95,6 @@ def model_rows(
             read.value, read.standard_error, read.degrees, read.allowance, warmth, indexed,
         ))  # fmt: skip
     return rows
-
-
-def _time(measured: str, run: str) -> float:
-    """Return a date in seconds since 1970; refuse an impossible one, which would misorder runs."""
-    time, now = math.nan, datetime.now(UTC)
-    with suppress(ValueError, OverflowError):
-        time = datetime.fromisoformat(measured).timestamp()
-    if not 0.0 <= time <= now.timestamp() + ZONES:
-        raise FileError(
-            f"{run}: measured {measured[:40]!r} must be a date from 1970 to now"
-            f" ({now.date()}); check the clocks of both computers, and correct the date in the file"
-        )
-    return time
 
 
 def table_of(rows: Sequence[tuple[Any, ...]]) -> Any:

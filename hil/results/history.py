@@ -144,7 +144,18 @@ def read_history(
         every += () if same else (reference,)
         chosen = str(same[0] if same else reference)
     loaded = [(str(path), Model.load(path)) for path in every]
-    _refuse_others(loaded)
+    # refuse runs of different robots, and repeated runs
+    (label, first), seen = loaded[0], dict[bytes, str]()
+    for other, model in loaded:
+        if different := _difference(first.robot, model.robot):
+            raise Mismatch(
+                f"{other}: is not a run of the machine of {label}: the robot files differ in"
+                f" {different}; give runs of one machine, identified with the same robot file"
+            )
+        content = model.values.tobytes() + model.scatter_covariance.tobytes()
+        if content in seen:
+            raise Mismatch(f"{other}: is the same run as {seen[content]}; give each run once")
+        seen[content] = other
     return history_of(loaded, chosen, least_wander)
 
 
@@ -243,21 +254,6 @@ def compare_causes(
         return ()
     proof = changed(earlier.robot, Pooled([earlier]), Pooled(after), known)
     return excluded.change_by_cause(proof, earlier.robot.n_joints, str(before), known)
-
-
-def _refuse_others(loaded: Sequence[tuple[str, Model]]) -> None:
-    """Refuse runs of different robots, and repeated runs."""
-    (label, first), seen = loaded[0], dict[bytes, str]()
-    for other, model in loaded:
-        if different := _difference(first.robot, model.robot):
-            raise Mismatch(
-                f"{other}: is not a run of the machine of {label}: the robot files differ in"
-                f" {different}; give runs of one machine, identified with the same robot file"
-            )
-        content = model.values.tobytes() + model.scatter_covariance.tobytes()
-        if content in seen:
-            raise Mismatch(f"{other}: is the same run as {seen[content]}; give each run once")
-        seen[content] = other
 
 
 def _difference(one: Robot, other: Robot) -> str:

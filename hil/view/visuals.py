@@ -189,21 +189,17 @@ def merge_corners(corners: Array, most: int) -> Mesh:
     """
     cell = FINEST
     while True:
-        mesh = _merge(corners, cell)
+        whole = np.rint(corners.reshape(-1, 3) / cell).astype(np.int64)
+        cells, numbers = np.unique(whole, axis=0, return_inverse=True)
+        triangles = numbers.reshape(-1, 3)
+        a, b, c = triangles.T
+        triangles = triangles[(a != b) & (b != c) & (c != a)]
+        _, first = np.unique(np.sort(triangles, axis=1), axis=0, return_index=True)
+        vertices: Array = cells * np.float64(cell)
+        mesh = Mesh(vertices, triangles[np.sort(first)], cell)
         if len(mesh.triangles) <= most:
             return mesh
         cell *= 1.5
-
-
-def _merge(corners: Array, cell: float) -> Mesh:
-    whole = np.rint(corners.reshape(-1, 3) / cell).astype(np.int64)
-    cells, numbers = np.unique(whole, axis=0, return_inverse=True)
-    triangles = numbers.reshape(-1, 3)
-    a, b, c = triangles.T
-    triangles = triangles[(a != b) & (b != c) & (c != a)]
-    _, first = np.unique(np.sort(triangles, axis=1), axis=0, return_index=True)
-    vertices: Array = cells * np.float64(cell)
-    return Mesh(vertices, triangles[np.sort(first)], cell)
 
 
 def robot_data(robot: Robot, visuals: Sequence[Visual] = ()) -> dict[str, object]:

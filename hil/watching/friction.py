@@ -76,7 +76,11 @@ class FrictionTables:
         self.slowest = np.array(
             [axis.speeds[0] if axis and axis.speeds else 0.0 for axis in self._law.axes]
         )
-        self.uncertainty = self._relative_error(speeds, free[1])
+        level = free[1]
+        none = np.zeros_like(speeds)
+        variance = friction_variance(self._model.robot, self._law, none, speeds, none)
+        share: Array = np.sqrt(variance[1:]) / np.maximum(level[1:], 1e-9)
+        self.uncertainty = np.asarray(share.max(axis=0))
 
     def evaluate(self, qd: Array, load: Array) -> tuple[Array, Array]:
         """Return offset and level of friction, shapes (n, n_joints) [N m or N].
@@ -111,12 +115,6 @@ class FrictionTables:
             for share in np.arange(angles) / angles
         ]
         return np.asarray(np.mean(ways, axis=0))
-
-    def _relative_error(self, speeds: Array, level: Array) -> Array:
-        none = np.zeros_like(speeds)
-        variance = friction_variance(self._model.robot, self._law, none, speeds, none)
-        share: Array = np.sqrt(variance[1:]) / np.maximum(level[1:], 1e-9)
-        return np.asarray(share.max(axis=0))
 
 
 SPEEDS = np.array([0.0, 0.01, 0.03, 0.07, 0.15, 0.3, 0.6, 1.2])

@@ -136,7 +136,12 @@ class Turning:
             factor of 2 apart, which changes the damping by 41 %. With 0.3 there is no false alarm
             in `benchmarks/pushes.py`; 0.5 hides more pushes.
         """
-        still = self._still(step)
+        # true for axes within the shortest distance
+        length = len(self._recent)
+        way = np.concatenate([self._recent, self._recent[-1] + step.cumsum(axis=0)])
+        self._recent = way[-length:] - way[-1]
+        windows = np.lib.stride_tricks.sliding_window_view(way[1:], length, axis=0)
+        still = np.asarray(np.ptp(windows, axis=-1) < DISTANCES[0])
         rows, unknown = self._directions(step, still)
         slip = qd[:, np.newaxis] - np.abs(qd)[:, np.newaxis] * rows
         turning = np.abs(rows[:, -1] - rows[:, 0]) > TURNING
@@ -167,14 +172,6 @@ class Turning:
     def _neighbours(self) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
         """Slower and faster neighbours of the distances in use."""
         return np.minimum(self.taken + 1, len(DISTANCES) - 1), np.maximum(self.taken - 1, 0)
-
-    def _still(self, step: Array) -> Flags:
-        """Return True for axes within the shortest distance, shape (n, n_joints)."""
-        length = len(self._recent)
-        way = np.concatenate([self._recent, self._recent[-1] + step.cumsum(axis=0)])
-        self._recent = way[-length:] - way[-1]
-        windows = np.lib.stride_tricks.sliding_window_view(way[1:], length, axis=0)
-        return np.asarray(np.ptp(windows, axis=-1) < DISTANCES[0])
 
     def _directions(self, step: Array, still: Flags) -> tuple[Array, Array]:
         """Compute directions for every distance, and the doubt after standstills for that in use.

@@ -212,7 +212,24 @@ def point(
         No window of constant velocity in both directions.
     """
     i = m.index
-    windows = _windows(m, s, float(robot.gear_ratio[i]))
+    # select samples at constant velocity by stroke, over common angles: whole motor turns
+    gear_ratio = float(robot.gear_ratio[i])
+    steady = [_steady(m, s, stroke) for stroke in range(m.n_strokes)]
+    if any(window.sum() < FEWEST for window in steady):
+        raise NotEnoughData(
+            "no window of constant velocity in both directions; repeat the measurement"
+        )
+    q = s.q[:, m.index]
+    low = max(float(q[window].min()) for window in steady)
+    high = min(float(q[window].max()) for window in steady)
+    turn = math.tau / gear_ratio
+    if high - low > turn:
+        high = low + math.floor((high - low) / turn) * turn
+    windows = [window & (q >= low) & (q <= high) for window in steady]
+    if any(window.sum() < FEWEST for window in windows):
+        raise NotEnoughData(
+            "both directions share too few angles at constant velocity; repeat the measurement"
+        )
     gravity = gravity_torque(robot, model.p, s.q)[:, i] if model else np.zeros(len(s.time))
     torque = s.tau[:, i] - gravity
     middle = float(np.mean([s.q[w, i].mean() for w in windows]))
@@ -240,27 +257,6 @@ def point(
         gravity_error=math.sqrt(max(uncertain, 0.0)),
         absolute=model is not None or not base_parameters(robot).dependencies.gravity[i].any(),
     )
-
-
-def _windows(m: Friction, s: Signals, gear_ratio: float) -> list[Mask]:
-    """Select samples at constant velocity by stroke, over common angles: whole motor turns."""
-    steady = [_steady(m, s, stroke) for stroke in range(m.n_strokes)]
-    if any(window.sum() < FEWEST for window in steady):
-        raise NotEnoughData(
-            "no window of constant velocity in both directions; repeat the measurement"
-        )
-    q = s.q[:, m.index]
-    low = max(float(q[window].min()) for window in steady)
-    high = min(float(q[window].max()) for window in steady)
-    turn = math.tau / gear_ratio
-    if high - low > turn:
-        high = low + math.floor((high - low) / turn) * turn
-    shared = [window & (q >= low) & (q <= high) for window in steady]
-    if any(window.sum() < FEWEST for window in shared):
-        raise NotEnoughData(
-            "both directions share too few angles at constant velocity; repeat the measurement"
-        )
-    return shared
 
 
 def _steady(m: Friction, s: Signals, stroke: int) -> Mask:

@@ -195,8 +195,16 @@ def frozen(recording: Recording, measurement: Measurement, robot: Robot) -> Iter
 
 
 def _frozen(tau: Array, axis: int, unit: str) -> Iterator[Finding]:
-    begin, longest = _longest_run(tau)
-    bound = _explained(tau, longest)
+    # start of the longest run of equal values, and its length
+    changes = np.flatnonzero(np.diff(tau) != 0)
+    edges = np.concatenate(([-1], changes, [len(tau) - 1]))
+    lengths = np.diff(edges)
+    place = int(np.argmax(lengths))
+    begin, longest = int(edges[place]) + 1, int(lengths[place])
+    # longest run explained by chance, estimated outside of the longest run
+    equal = int(np.count_nonzero(np.diff(tau) == 0)) - (longest - 1)
+    share = min(max(equal / max(1, len(tau) - longest), RARE), OFTEN)
+    bound = math.ceil(1 + math.log(CHANCE / len(tau)) / math.log(share))
     if longest > bound:
         yield Finding(
             "current",
@@ -206,22 +214,6 @@ def _frozen(tau: Array, axis: int, unit: str) -> Iterator[Finding]:
             longest,
             bound,
         )
-
-
-def _longest_run(values: Array) -> tuple[int, int]:
-    """Return the start of the longest run of equal values, and its length."""
-    changes = np.flatnonzero(np.diff(values) != 0)
-    edges = np.concatenate(([-1], changes, [len(values) - 1]))
-    lengths = np.diff(edges)
-    place = int(np.argmax(lengths))
-    return int(edges[place]) + 1, int(lengths[place])
-
-
-def _explained(values: Array, longest: int) -> int:
-    """Return the longest run explained by chance, estimated outside of the longest run."""
-    equal = int(np.count_nonzero(np.diff(values) == 0)) - (longest - 1)
-    share = min(max(equal / max(1, len(values) - longest), RARE), OFTEN)
-    return math.ceil(1 + math.log(CHANCE / len(values)) / math.log(share))
 
 
 ALWAYS: tuple[Check, ...] = (_gaps, _timing, renewal, _saturation, frozen)

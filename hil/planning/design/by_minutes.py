@@ -140,7 +140,12 @@ class Selection:
             if self._criterion == "det":
                 found[numbers] = self._growth(at, worth, inverse, common)
             else:
-                found[numbers] = self._relief(at, worth, inverse)
+                # relative decrease in the variance of torques
+                rows = self._scale[:, np.newaxis] * inverse[: self._n_base, at]
+                inside = np.linalg.solve(np.eye(len(at)) + worth @ inverse[np.ix_(at, at)], worth)
+                fall: Array = np.einsum("ki,nij,kj->n", rows, inside, rows, optimize=True)
+                variance = self._scale**2 @ np.diag(inverse)[: self._n_base]
+                found[numbers] = fall / variance
         return found
 
     def _growth(self, at: Indices, worth: Array, inverse: Array, common: Array) -> Array:
@@ -153,14 +158,6 @@ class Selection:
         _, part = np.linalg.slogdet(np.eye(len(own)) + nuisance)
         growth: Array = whole - part
         return growth
-
-    def _relief(self, at: Indices, worth: Array, inverse: Array) -> Array:
-        """Compute the relative decrease in the variance of torques."""
-        rows = self._scale[:, np.newaxis] * inverse[: self._n_base, at]
-        inside = np.linalg.solve(np.eye(len(at)) + worth @ inverse[np.ix_(at, at)], worth)
-        fall: Array = np.einsum("ki,nij,kj->n", rows, inside, rows, optimize=True)
-        variance = self._scale**2 @ np.diag(inverse)[: self._n_base]
-        return fall / variance
 
     def _costs(self) -> Array:
         """Return the duration of every option, travel included [s]."""

@@ -320,7 +320,22 @@ def candidates(robot: Robot, element: Element, workspace: Workspace | None) -> A
     ValueError
         No configuration keeps clear of the workspace's boxes.
     """
-    q = _spread(robot, element.strokes, element.row)
+    # spread the joints that affect `row` over the ranges; keep the rest at mid-range; of a tree
+    # one branch at a time is spread: an element is a sum of terms of each branch
+    middle = (robot.q_min + robot.q_max) / 2
+    half = RANGE * (robot.q_max - robot.q_min) / 2
+    for i, stroke in element.strokes.items():
+        beyond = (1 - RANGE) * (robot.q_max[i] - robot.q_min[i]) / 2
+        half[i] -= stroke / 2 + max(_turn(robot, i) / 2 - beyond, 0.0)
+    joints = _influencing(element.row, middle, half)
+    q = np.tile(middle, (CANDIDATES, 1))
+    if joints:
+        points = halton(CANDIDATES, len(joints))
+        q[:, joints] = middle[joints] + (2 * points - 1) * half[joints]
+    branches = [robot.path(last) for last in robot.last_links]
+    for number, branch in enumerate(branches):
+        others = [joint for joint in joints if joint not in branch]
+        q[number :: len(branches), others] = middle[others]
     return _clear(robot, workspace, element.strokes, q) if workspace else q
 
 
@@ -361,28 +376,6 @@ def _inertia_row(robot: Robot, axis: int, accelerated: int, columns: list[int]) 
         return (moving - at_rest)[:, 0, columns]
 
     return row
-
-
-def _spread(robot: Robot, strokes: dict[int, float], row: Row) -> Array:
-    """Spread the joints that affect `row` over the ranges; keep the rest at mid-range.
-
-    Of a tree one branch at a time is spread: an element is a sum of terms of each branch.
-    """
-    middle = (robot.q_min + robot.q_max) / 2
-    half = RANGE * (robot.q_max - robot.q_min) / 2
-    for i, stroke in strokes.items():
-        beyond = (1 - RANGE) * (robot.q_max[i] - robot.q_min[i]) / 2
-        half[i] -= stroke / 2 + max(_turn(robot, i) / 2 - beyond, 0.0)
-    joints = _influencing(row, middle, half)
-    q = np.tile(middle, (CANDIDATES, 1))
-    if joints:
-        points = halton(CANDIDATES, len(joints))
-        q[:, joints] = middle[joints] + (2 * points - 1) * half[joints]
-    branches = [robot.path(last) for last in robot.last_links]
-    for number, branch in enumerate(branches):
-        others = [joint for joint in joints if joint not in branch]
-        q[number :: len(branches), others] = middle[others]
-    return q
 
 
 def _clear(robot: Robot, workspace: Workspace, strokes: dict[int, float], q: Array) -> Array:

@@ -51,7 +51,12 @@ class Scale:
     def marks(self, most: int, *, whole: bool = False) -> dict[float, str]:
         """Return at most `most` round values with labels."""
         if self.decades:
-            return _decades(self.low, self.high)
+            low = self.low
+            high = self.high
+            exponents = range(int(np.floor(np.log10(low))), int(np.ceil(np.log10(high))) + 1)
+            few = np.log10(high / low) < 1.5
+            each = (d * 10.0**e for e in exponents for d in ((1, 2, 5) if few else (1,)))
+            return {value: f"{value:g}" for value in each if low <= value <= high}
         step, first, last = self._multiples(most, 1.0 if whole else 0.0)
         digits = _digits(step)
         return {k * step: signed(f"{k * step:.{digits}f}") for k in range(first, last + 1)}
@@ -70,13 +75,6 @@ class Scale:
 def _digits(step: float) -> int:
     """Return the decimals needed for multiples of `step`."""
     return next((n for n in range(12) if abs(step * 10**n - round(step * 10**n)) < 1e-6), 12)
-
-
-def _decades(low: float, high: float) -> dict[float, str]:
-    exponents = range(int(np.floor(np.log10(low))), int(np.ceil(np.log10(high))) + 1)
-    few = np.log10(high / low) < 1.5
-    each = (d * 10.0**e for e in exponents for d in ((1, 2, 5) if few else (1,)))
-    return {value: f"{value:g}" for value in each if low <= value <= high}
 
 
 def axis_range(items: Sequence[Item], wanted: Range | None, *, along: bool, decades: bool) -> Range:
