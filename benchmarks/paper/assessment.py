@@ -5,7 +5,7 @@ The method is that of section 6, without changes. The plant's truth is used for 
 
 from __future__ import annotations
 
-from dataclasses import astuple, replace
+from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 from unittest.mock import patch
 
@@ -165,8 +165,8 @@ def assess_offset(run: Run) -> Figures:
     assert phase
     return {
         "names": first.names, "value": first.value, "error": first.standard_error,
-        "degrees": np.degrees(phase.shift), "stated": astuple(phase.stated),
-        "extended": astuple(phase.extended),
+        "degrees": np.degrees(phase.shift), "stated": tuple(phase.stated),
+        "extended": tuple(phase.extended),
         "q": np.degrees(phase.angle[:15]), "torque": phase.torque[:15],
     }  # fmt: skip
 

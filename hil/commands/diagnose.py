@@ -8,7 +8,7 @@ diagnosis without a new computation as long as all three are unchanged.
 from __future__ import annotations
 
 import math
-from dataclasses import astuple, dataclass, replace
+from dataclasses import dataclass, replace
 from functools import partial
 from typing import TYPE_CHECKING, Literal
 
@@ -16,7 +16,7 @@ import numpy as np
 
 from checked_files.yaml_file import FileModel, load_yaml
 from hil.errors import Mismatch
-from hil.estimation.absent_parameters import Phase, Sinusoid, examine, shifted_most
+from hil.estimation.absent_parameters import Candidate, Phase, examine, shifted_most
 from hil.estimation.identify import estimate
 from hil.estimation.two_step_methods import prepared_for
 from hil.model.base_parameters import base_parameters
@@ -88,69 +88,12 @@ SHOWN = 8
 """Number of candidates in the ranking."""
 
 
-class CandidateRecord(FileModel):
-    """Indistinguishable absent parameters; see `hil.estimation.absent_parameters.Candidate`."""
-
-    names: tuple[str, ...]
-    value: float
-    standard_error: float
-    t: float
-    p_value: float
-    beside: float | None
-    """t-value in a fit with all significant candidates; None for significant candidates."""
-
-    @property
-    def label(self) -> str:
-        """Names, joined."""
-        return " or ".join(self.names)
-
-
 class Needless(FileModel):
     """Stated base parameter that does not differ significantly from zero."""
 
     name: str
     expression: str
     p_value: float
-
-
-class PhaseRecord(FileModel):
-    """Values of Fig. 7; see `hil.estimation.absent_parameters.Phase`. Axes count from 1."""
-
-    axis: int
-    over: int
-    q: tuple[float, ...]
-    stated: tuple[float, float, float]
-    extended: tuple[float, float, float]
-    angle: tuple[float, ...]
-    torque: tuple[float, ...]
-    standard_error: tuple[float | None, ...]
-
-    @classmethod
-    def make(cls, phase: Phase) -> PhaseRecord:
-        """Make the record of a phase."""
-        return cls(
-            axis=phase.axis + 1,
-            over=phase.over + 1,
-            q=tuple(phase.q.tolist()),
-            stated=astuple(phase.stated),
-            extended=astuple(phase.extended),
-            angle=tuple(phase.angle.tolist()),
-            torque=tuple(phase.torque.tolist()),
-            standard_error=tuple(None if np.isnan(e) else float(e) for e in phase.standard_error),
-        )
-
-    def phase(self) -> Phase:
-        """Phase of the record."""
-        return Phase(
-            axis=self.axis - 1,
-            over=self.over - 1,
-            q=np.array(self.q),
-            stated=Sinusoid(*self.stated),
-            extended=Sinusoid(*self.extended),
-            angle=np.array(self.angle),
-            torque=np.array(self.torque),
-            standard_error=np.array([np.nan if e is None else e for e in self.standard_error]),
-        )
 
 
 class DiagnosisFile(FileModel):
@@ -160,7 +103,7 @@ class DiagnosisFile(FileModel):
     ----------
     p : tuple of float
         Base parameters of the estimate.
-    candidates : tuple of CandidateRecord
+    candidates : tuple of Candidate
         Candidates, each tested alone, strongest evidence first.
     found : tuple of str
         Labels of the significant candidates.
@@ -176,12 +119,12 @@ class DiagnosisFile(FileModel):
     of: RunStamp
     p: tuple[float, ...]
     threshold: float
-    candidates: tuple[CandidateRecord, ...]
+    candidates: tuple[Candidate, ...]
     found: tuple[str, ...]
     needless: tuple[Needless, ...]
     absorbed: tuple[str, ...]
     unmeasured: tuple[str, ...]
-    phase: PhaseRecord | None
+    phase: Phase | None
 
     def stale(self, folder: Run, p: Array) -> str:
         """Return the reason if the file does not match the present run; empty if it does."""
@@ -191,24 +134,13 @@ class DiagnosisFile(FileModel):
 def write_diagnosis(run: Run, found: Diagnosis) -> DiagnosisFile:
     """Write `diagnosis.yaml` into the folder of the run, atomically; return its content."""
     errors, base = found.errors, base_parameters(found.robot)
-    beside = {c.names: c.t for c in errors.after} if errors.found else {}
     kept = DiagnosisFile(
         made=now(),
         version=__version__,
         of=RunStamp.create(run),
         p=tuple(found.estimate.p.tolist()),
         threshold=errors.threshold,
-        candidates=tuple(
-            CandidateRecord(
-                names=c.names,
-                value=c.value,
-                standard_error=c.standard_error,
-                t=c.t,
-                p_value=c.p_value,
-                beside=beside.get(c.names),
-            )
-            for c in errors.alone
-        ),
+        candidates=errors.alone,
         found=tuple(c.label for c in errors.found),
         needless=tuple(
             Needless(name=base.titles[k], expression=base.expressions[k], p_value=float(p_value))
@@ -218,7 +150,7 @@ def write_diagnosis(run: Run, found: Diagnosis) -> DiagnosisFile:
         ),
         absorbed=errors.absorbed,
         unmeasured=errors.unmeasured,
-        phase=PhaseRecord.make(found.phase) if found.phase else None,
+        phase=found.phase,
     )
     write_file(run.path / NAME, kept.encode_yaml(100))
     return kept
@@ -247,7 +179,7 @@ def candidates(found: DiagnosisFile) -> Table:
     )
 
 
-def _candidate(each: CandidateRecord, found: DiagnosisFile) -> Row:
+def _candidate(each: Candidate, found: DiagnosisFile) -> Row:
     beside = "" if each.beside is None else signed(f"{each.beside:.1f}")
     return (
         each.label,
@@ -270,7 +202,7 @@ def sentences(found: DiagnosisFile) -> Iterator[str]:
             "robot file."
         )
     if found.phase is not None:
-        shift = signed(f"{math.degrees(found.phase.phase().shift):.1f}")
+        shift = signed(f"{math.degrees(found.phase.shift):.1f}")
         yield (
             f"The effects found shift the phase of g{found.phase.axis} over q{found.phase.over} by "
             f"{shift} degrees at the measured configuration of largest amplitude."
@@ -308,7 +240,7 @@ def file_outcome(kept: DiagnosisFile, robot: Robot) -> Outcome:
     if kept.phase is not None:
         plot = Plot(
             "phase",
-            partial(shifted_sinusoid, kept.phase.phase(), ", ".join(kept.found), robot),
+            partial(shifted_sinusoid, kept.phase, ", ".join(kept.found), robot),
             "A gravity torque over a joint angle: measurements, model of the robot file, and "
             "model with the effects found.",
             "Gravity torque with the largest phase shift by the effects found (the paper's Fig. "
@@ -325,7 +257,7 @@ def shifted_sinusoid(phase: Phase, found: str, robot: Robot) -> Chart:
     angle = np.linspace(-np.pi, np.pi, 181)
     shown = np.degrees(angle)
     name = found if len(found) < 40 else "effects found"  # maximum number of letters in a legend
-    error = 2.0 * np.nan_to_num(phase.standard_error)
+    error = [2.0 * (each or 0.0) for each in phase.standard_error]
     return chart(
         Panel(
             (
@@ -334,8 +266,8 @@ def shifted_sinusoid(phase: Phase, found: str, robot: Robot) -> Chart:
                 Points(np.degrees(phase.angle), phase.torque, error=error, label="measured"),
             ),
             title=f"phase offset {signed(f'{np.degrees(phase.shift):.1f}')}°",
-            x_label=f"$q_{{{phase.over + 1}}}$ [deg]",
-            y_label=f"$g_{{{phase.axis + 1}}}$ [{robot.torque_unit(phase.axis)}]",
+            x_label=f"$q_{{{phase.over}}}$ [deg]",
+            y_label=f"$g_{{{phase.axis}}}$ [{robot.torque_unit(phase.axis - 1)}]",
             ticks={float(each): signed(f"{each}") for each in range(-180, 181, 60)},
             width=700.0,
             height=220.0,

@@ -38,6 +38,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 from scipy import special
 
+from checked_files.yaml_file import FileModel
 from hil.estimation.simultaneous import SimultaneousFit
 from hil.least_squares.solving import (
     eliminated,
@@ -66,30 +67,29 @@ _SEEN = 1e-4
 _SAME = 1e-6
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class Candidate:
+class Candidate(FileModel):
     """Link parameters missing in the robot file, or a group of indistinguishable ones.
 
     Attributes
     ----------
     names : tuple of str
         Standard parameters, nearest to the base first.
-    direction : ndarray, shape (n_all,)
-        Change of all base parameters by one unit of the first name.
     value, standard_error : float
         Estimate for the first name, with no other candidate included [kg m^2, kg m or kg].
     t : float
         Ratio of value to standard error.
     p_value : float
         Probability of a ratio at least as large by chance.
+    beside : float, optional
+        t in a fit with all significant candidates; None for significant candidates.
     """
 
     names: tuple[str, ...]
-    direction: Array
     value: float
     standard_error: float
     t: float
     p_value: float
+    beside: float | None = None
 
     @property
     def label(self) -> str:
@@ -111,10 +111,10 @@ class ModelErrors:
         Candidates tested separately, strongest evidence first.
     found : tuple of Candidate
         Significant candidates, each tested with the preceding ones included.
-    after : tuple of Candidate
-        Remaining candidates, tested with all of `found` included, strongest first.
-    p, standard_error : ndarray, shape (n_base,)
+    p : ndarray, shape (n_base,)
         Stated parameters with `found` included.
+    p_all : ndarray, shape (n_all,)
+        Base parameters of `complete` with `found` included.
     p_values : ndarray, shape (n_base,)
         p-values of the stated parameters for the hypothesis zero.
     absorbed : tuple of str
@@ -129,21 +129,12 @@ class ModelErrors:
     stated: Array
     alone: tuple[Candidate, ...]
     found: tuple[Candidate, ...]
-    after: tuple[Candidate, ...]
     p: Array
-    standard_error: Array
+    p_all: Array
     p_values: Array
     absorbed: tuple[str, ...]
     unmeasured: tuple[str, ...]
     threshold: float
-
-    @property
-    def p_all(self) -> Array:
-        """Base parameters of `complete` with `found` included, shape (n_all,)."""
-        total: Array = self.stated @ self.p
-        for candidate in self.found:
-            total = total + candidate.direction * candidate.value
-        return total
 
 
 def examine(robot: Robot, prepared: Prepared) -> ModelErrors:
@@ -162,23 +153,22 @@ def examine(robot: Robot, prepared: Prepared) -> ModelErrors:
     # maximum number of included candidates
     while rest and rest[0].p_value < threshold and len(found) < 6:
         found.append(rest[0])
-        basis = np.column_stack([basis, rest[0].direction])
+        basis = np.column_stack([basis, candidates[rest[0].names]])
         taken = [candidate.names for candidate in found]
         left = {names: u for names, u in candidates.items() if names not in taken}
         rest = _tested(measured, basis, left)
     value, error, p_value = measured.solve(basis)
-    n = stated.shape[1]
+    n, beside = stated.shape[1], {each.names: each.t for each in rest} if found else {}
     return ModelErrors(
         complete=whole,
         stated=stated,
-        alone=tuple(alone),
+        alone=tuple(each.model_copy(update={"beside": beside.get(each.names)}) for each in alone),
         found=tuple(
-            _candidate(c.names, c.direction, *row)
-            for c, *row in zip(found, value[n:], error[n:], p_value[n:], strict=True)
+            _candidate(each.names, *row)
+            for each, *row in zip(found, value[n:], error[n:], p_value[n:], strict=True)
         ),
-        after=tuple(rest),
         p=value[:n],
-        standard_error=error[:n],
+        p_all=basis @ value,
         p_values=p_value[:n],
         absorbed=absorbed,
         unmeasured=unmeasured,
@@ -244,22 +234,20 @@ def _tested(
         own, whole = measured.information(basis, u[:, np.newaxis])
         if own[0, 0] > _SEEN * whole[0, 0]:
             value, error, p_value = measured.solve(np.column_stack([basis, u]))
-            tested.append(_candidate(names, u, value[-1], error[-1], p_value[-1]))
+            tested.append(_candidate(names, value[-1], error[-1], p_value[-1]))
     return sorted(tested, key=lambda candidate: (candidate.p_value, -abs(candidate.t)))
 
 
-def _candidate(
-    names: tuple[str, ...], u: Array, value: float, error: float, p_value: float
-) -> Candidate:
-    return Candidate(names, u, float(value), float(error), float(value / error), float(p_value))
+def _candidate(names: tuple[str, ...], value: float, error: float, p_value: float) -> Candidate:
+    figures = {"value": value, "standard_error": error, "t": value / error, "p_value": p_value}
+    return Candidate(names=names, **{name: float(each) for name, each in figures.items()})
 
 
 SEEN = 0.005
 """Smallest relevant shift [rad]; below, a missing parameter acts by its inertia only."""
 
 
-@dataclass(frozen=True, slots=True)
-class Sinusoid:
+class Sinusoid(NamedTuple):
     """Sinusoid mean + cosine cos(angle) + sine sin(angle) [N m]."""
 
     mean: float
@@ -281,32 +269,31 @@ class Sinusoid:
         return float(np.angle(own / others)) if others else 0.0
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class Phase:
+class Phase(FileModel):
     """Gravity torque over a joint angle: stated, extended and measured.
 
     Attributes
     ----------
     axis, over : int
-        Axis of the torque, axis of the varied angle; from 0.
-    q : ndarray, shape (n_joints,)
+        Axis of the torque, axis of the varied angle; from 1.
+    q : tuple of float
         Configuration; the angle of `over` is varied [rad].
     stated, extended : Sinusoid
         Sinusoid of the robot file, and sinusoid with the missing parameters.
-    angle, torque : ndarray, shape (n,)
+    angle, torque : tuple of float
         Measurements of the axis, transferred to configuration `q` [rad], [N m].
-    standard_error : ndarray, shape (n,)
-        Standard errors by the scatter within each measurement; NaN if unknown [N m].
+    standard_error : tuple of float
+        Standard errors by the scatter within each measurement; None if unknown [N m].
     """
 
     axis: int
     over: int
-    q: Array
+    q: tuple[float, ...]
     stated: Sinusoid
     extended: Sinusoid
-    angle: Array
-    torque: Array
-    standard_error: Array
+    angle: tuple[float, ...]
+    torque: tuple[float, ...]
+    standard_error: tuple[float | None, ...]
 
     @property
     def shift(self) -> float:
@@ -337,14 +324,16 @@ def shifted_most(best: Estimate, errors: ModelErrors, torque_limit: Array) -> Ph
     value, over, stated, extended = min(alike, key=lambda each: torque_limit[each[0].axis])
     own = [v for v in local if v.axis == value.axis]
     return Phase(
-        axis=value.axis,
-        over=over,
-        q=value.q.copy(),
+        axis=value.axis + 1,
+        over=over + 1,
+        q=tuple(value.q.tolist()),
         stated=stated,
         extended=extended,
-        angle=np.array([v.q[over] for v in own]),
-        torque=_brought(errors, own, value.q, over),
-        standard_error=np.array([v.standard_error for v in own]),
+        angle=tuple(float(v.q[over]) for v in own),
+        torque=tuple(_brought(errors, own, value.q, over).tolist()),
+        standard_error=tuple(
+            None if np.isnan(v.standard_error) else float(v.standard_error) for v in own
+        ),
     )
 
 

@@ -63,8 +63,9 @@ def test_plots_of_a_load_and_of_a_phase(scara: Robot) -> None:
     )
     wave = Sinusoid(0.0, 1.0, 0.0)
     phase = Phase(
-        axis, 0, np.zeros(scara.n_joints), wave, wave, np.zeros(1), np.zeros(1), np.zeros(1)
-    )
+        axis=axis + 1, over=1, q=(0.0,) * scara.n_joints, stated=wave, extended=wave,
+        angle=(0.0,), torque=(0.0,), standard_error=(0.0,),
+    )  # fmt: skip
     (load,) = load_chart([record], [record], ELEMENT_KINDS["gravity"], scara).panels
     (shift,) = shifted_sinusoid(phase, "sz1", scara).panels
     assert load.y_label == f"{ELEMENT_KINDS['gravity'].quantity} [N]"
