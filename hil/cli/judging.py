@@ -256,8 +256,7 @@ def history(
 ) -> None:
     """Show how parameters and friction of one machine change over many runs."""
     with working(f"reading {len(folders)} runs") as now:
-        from hil.commands.history import monitoring_data, outcome
-        from hil.results.history import read_history
+        from hil.commands.history import monitoring_data, outcome, read_history
         from hil.runs.run import Run
 
         if identify:

@@ -37,7 +37,7 @@ ROBOT = "manutec-r15"
 RUNS = Path("runs")
 LEARNING = 25.0
 """Learning time of the thresholds [s]: every axis then has moved for 15 s, after which a push does
-not count as scatter (`hil.watching.scatter`)."""
+not count as scatter (`hil.watching.detector`)."""
 LONGEST = 90.0
 """Latest start of a motion [s], once thresholds are learned: the announced duration is two minutes,
 and a motion takes 20 s. On two idle cores the arm can be pushed from 40 s on.

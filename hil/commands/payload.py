@@ -33,8 +33,7 @@ if TYPE_CHECKING:
 
     from hil.estimation.loads.figures import Load
     from hil.model.robot import Robot
-    from hil.planning.design.load import WithoutLoad
-    from hil.planning.design.load_pose import Pose
+    from hil.planning.design.load import Pose, WithoutLoad
     from hil.planning.measurement import ElementKind
     from hil.planning.plan import Plan
     from hil.results.load_file import ElementRecord, GainRecord, LoadFile, ParameterChange
@@ -77,7 +76,7 @@ def unsure(found: Load) -> tuple[str, ...]:
 def advised(bare: WithoutLoad, plans: Sequence[Plan], found: Load) -> dict[str, str]:
     """Return a further pose for each uncertain or unidentifiable parameter, in words."""
     # reports show findings only and design no measurement
-    from hil.planning.design.load_pose import helpful_poses  # noqa: PLC0415
+    from hil.planning.design.load import helpful_poses  # noqa: PLC0415
 
     poses = helpful_poses(bare, plans, found, unsure(found))
     return {name: _advice(bare.robot, pose) for name, pose in poses.items()}

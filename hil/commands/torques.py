@@ -11,7 +11,7 @@ from hil.planning.workspace import Workspace, narrow_ranges
 from hil.runs.pooling import recorded
 from hil.show.charts.arm import arm
 from hil.show.charts.chart import MEASURED, MODEL, Band, Chart, Line, Panel, Rule, chart
-from hil.show.deflated import deflate
+from hil.show.html import deflate
 from hil.show.outcome import Played
 from hil.show.rounding import when
 from hil.show.section import Plot

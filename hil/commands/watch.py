@@ -25,7 +25,7 @@ if TYPE_CHECKING:
     from hil.runs.run import Run
     from hil.show.charts.chart import Item
     from hil.show.table import Row
-    from hil.watching.trace import Trace, TraceStretch
+    from hil.watching.watcher import Trace, TraceStretch
 
 NAME, PAGE = "watch.yaml", "watch.html"
 

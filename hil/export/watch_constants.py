@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from hil.results.watch import LEARNING
-from hil.watching import detector, friction, scatter, turning
+from hil.watching import detector, friction, turning
 from hil.watching.detector import Detector
 from hil.watching.watcher import OVER
 
@@ -95,9 +95,9 @@ def constants(model: Model, found: Watched) -> dict[str, Constant]:
         "sigmas": (detector.SIGMAS, "1", "threshold in standard deviations of the scatter"),
         "visible": (detector.VISIBLE, shares, "largest threshold"),
         "blind": (BLIND, shares, "threshold where no push is visible"),
-        "allowance": (scatter.SURE, "1", "allowance for few squares, in standard deviations"),
-        "enough": (scatter.ENOUGH / period, "samples", "motion for a valid scatter"),
-        "most": (scatter.MEMORY / period, "samples", "averaging time of the scatter"),
+        "allowance": (detector.CERTAIN, "1", "allowance for few squares, in standard deviations"),
+        "enough": (detector.ENOUGH / period, "samples", "motion for a valid scatter"),
+        "most": (detector.MEMORY / period, "samples", "averaging time of the scatter"),
         "learned_squares": (started.scatter.squares.T, "1", "learned squares of the scatter"),
         "learned_weight": (started.scatter.weights, "samples", "motion in the scatter"),
         "learned_shown": (

@@ -22,10 +22,10 @@ from hil.planning.design.load import (
     SLOW_SHARE,
     fast_plan,
     feasible_options,
+    helpful_poses,
     load_capacity,
     slow_plan,
 )
-from hil.planning.design.load_pose import helpful_poses
 from hil.planning.plan import PlannedRobot, dump_plan, load_plan
 from hil.planning.timetable import timetable
 from hil.results.load import (
