@@ -12,8 +12,16 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from checked_files.foreign_text import printable
-from hil.cli.arguments import RealTime, RobotsBus, RunPath, Without, expand_records
-from hil.cli.completion import files, robots, runs
+from hil.cli.arguments import (
+    RealTime,
+    RobotsBus,
+    RunPath,
+    Without,
+    expand_records,
+    files,
+    robots,
+    runs,
+)
 from hil.cli.measuring import OnBus
 from hil.cli.measuring import measure as measure_plan
 from hil.cli.outputs import (

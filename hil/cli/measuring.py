@@ -21,8 +21,8 @@ from hil.cli.arguments import (
     expand_records,
     parse_pairs,
     refuse_no_channel,
+    runs,
 )
-from hil.cli.completion import runs
 from hil.cli.live import PortsOptional, Shown, hand_of, listeners
 from hil.cli.outputs import file_to_write, folder_to_write, output_option
 from hil.measuring import REHEARSAL_SPEED

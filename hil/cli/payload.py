@@ -7,8 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from hil.cli.arguments import ModelPath, RobotsBus, expand_records, group_of
-from hil.cli.completion import runs
+from hil.cli.arguments import ModelPath, RobotsBus, expand_records, group_of, runs
 from hil.cli.outputs import (
     folder_to_write,
     output_option,

@@ -9,8 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Literal
 
 import typer
 
-from hil.cli.arguments import Masses, RunPath, RunPaths, Without, body_bounds
-from hil.cli.completion import methods, runs
+from hil.cli.arguments import Masses, RunPath, RunPaths, Without, body_bounds, methods, runs
 from hil.cli.outputs import (
     Status,
     folder_to_write,

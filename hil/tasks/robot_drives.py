@@ -15,7 +15,7 @@ import numpy as np
 from checked_files.yaml_file import FileError, read_text, refuse
 from drivers.axis import AxisScale
 from drivers.drives_file import load_drives
-from hil.estimation.consistent.likely_bodies import sized_bodies
+from hil.estimation.consistent.conditions import sized_bodies
 from hil.measuring.feeding import DELAY
 from hil.model.robot import ROBOTS
 from hil.planning import BITRATE

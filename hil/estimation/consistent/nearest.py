@@ -57,8 +57,7 @@ import numpy as np
 from scipy import special
 
 from hil.errors import NotRealisable
-from hil.estimation.consistent.conditions import BodyBounds, conditions, tightened
-from hil.estimation.consistent.likely_bodies import likely_bodies
+from hil.estimation.consistent.conditions import BodyBounds, conditions, likely_bodies, tightened
 from hil.estimation.consistent.result import BindingCondition, ConsistentRobot, LinkBody
 from hil.estimation.consistent.semidefinite import Inequality, least_squares
 from hil.model.base_parameters import base_parameters

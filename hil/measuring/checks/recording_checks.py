@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from drivers.drive_bus import LATE_FOR, SampleFlag
-from hil.measuring.checks.old_values import longest_run
+from hil.measuring.checks.encoder_jumps import longest_run
 from hil.measuring.checks.stroke_checks import half_sums, opposed, partners, peaks, stuck, windows
 from hil.measuring.streaming import astray
 from hil.runs.recording import CHANCE, Finding
