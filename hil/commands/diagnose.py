@@ -14,14 +14,14 @@ from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 
-from checked_files.yaml_file import FileModel, load_yaml
+from checked_files.yaml_file import FileModel
 from hil.errors import Mismatch
 from hil.estimation.absent_parameters import Candidate, Phase, examine, shifted_most
 from hil.estimation.identify import estimate
 from hil.estimation.two_step_methods import prepared_for
 from hil.model.base_parameters import base_parameters
 from hil.planning.measurement import ELEMENT_KINDS
-from hil.results.provenance import RunStamp, named, same_parameters
+from hil.results.provenance import KeptResult, RunStamp, named, same_parameters
 from hil.results.tables.parameters import drive_train
 from hil.runs.atomic_file import own_folder, write_file
 from hil.runs.journal import now
@@ -96,7 +96,7 @@ class Needless(FileModel):
     p_value: float
 
 
-class DiagnosisFile(FileModel):
+class DiagnosisFile(KeptResult):
     """Content of `diagnosis.yaml`.
 
     Attributes
@@ -113,6 +113,7 @@ class DiagnosisFile(FileModel):
         Absent parameters invisible in any measurement, and those invisible in these measurements.
     """
 
+    names = (NAME,)
     format: Literal[1] = 1
     made: str
     version: str
@@ -152,20 +153,8 @@ def write_diagnosis(run: Run, found: Diagnosis) -> DiagnosisFile:
         unmeasured=errors.unmeasured,
         phase=found.phase,
     )
-    write_file(run.path / NAME, kept.encode_yaml(100))
+    kept.write(run.path)
     return kept
-
-
-def load_diagnosis(folder: Run) -> DiagnosisFile | None:
-    """Read the diagnosis of a run; None without a file.
-
-    Raises
-    ------
-    FileError
-        A damaged file.
-    """
-    path = folder.path / NAME
-    return load_yaml(path, DiagnosisFile) if path.exists() else None
 
 
 def candidates(found: DiagnosisFile) -> Table:

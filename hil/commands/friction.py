@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 
-from checked_files.yaml_file import FileError, FileModel, load_yaml
+from checked_files.yaml_file import FileError, FileModel
 from hil.errors import AsymmetricFriction, Mismatch, NotEnoughData
 from hil.estimation.friction import symmetry
 from hil.estimation.friction.points import GravityModel, history, points
@@ -22,8 +22,8 @@ from hil.friction.drift import Level, drift
 from hil.model.base_parameters import base_parameters
 from hil.planning.measurement import Friction, select_kind
 from hil.results.model import Model
+from hil.results.provenance import KeptResult
 from hil.results.tables import friction as tables
-from hil.runs.atomic_file import write_file
 from hil.runs.journal import now
 from hil.runs.pooling import recorded
 from hil.runs.run import opened
@@ -97,9 +97,10 @@ class AxisRecord(FileModel):
     symmetry: Symmetry | None
 
 
-class FrictionFile(FileModel):
+class FrictionFile(KeptResult):
     """Content of `friction.yaml`."""
 
+    names = (NAME,)
     format: Literal[1] = 1
     robot: str
     robot_digest: str
@@ -225,9 +226,7 @@ def write_friction(run: Run, result: FrictionResult) -> Path:
             for axis in sorted({point.axis for point in result.points})
         ),
     )
-    path = run.path / NAME
-    write_file(path, content.encode_yaml())
-    return path
+    return content.write(run.path)
 
 
 def load_friction(run: Run) -> FrictionFile:
@@ -238,10 +237,12 @@ def load_friction(run: Run) -> FrictionFile:
     FileError
         Friction was not evaluated, or a damaged file.
     """
-    path = run.path / NAME
-    if not path.exists():
-        raise FileError(f"{path}: does not exist yet; make it with: hil friction {run.path}")
-    return load_yaml(path, FrictionFile)
+    found = FrictionFile.read(run.path)
+    if found is None:
+        raise FileError(
+            f"{run.path / NAME}: does not exist yet; make it with: hil friction {run.path}"
+        )
+    return found
 
 
 def refuse_asymmetric(run: Run, robot: Robot) -> list[str]:

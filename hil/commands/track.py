@@ -20,7 +20,7 @@ from hil.commands.torques import model_and_run, played
 from hil.errors import NotEnoughData
 from hil.planning.trajectory import Trajectory
 from hil.results.model import Model
-from hil.runs.atomic_file import write_file
+from hil.results.provenance import KeptResult
 from hil.runs.run import Run
 from hil.runs.set_points import path_time
 from hil.show.charts.chart import GREEN, MUTED, PURPLE, Chart, Line, Panel, chart
@@ -66,7 +66,7 @@ class AxisErrors(FileModel):
     peak: dict[str, float]
 
 
-class Tracking(FileModel):
+class Tracking(KeptResult):
     """Following errors of all axes.
 
     Attributes
@@ -80,6 +80,7 @@ class Tracking(FileModel):
     axes : tuple of AxisErrors
     """
 
+    names = (NAME,)
     robot_digest: str
     plan_digest: str
     model: str
@@ -241,7 +242,7 @@ def track(folder: Path, model: str, delay: float) -> Outcome:
     """
     runs = {name: Run.open(folder / name) for name in PASSES}
     found = tracked(runs, model, delay)
-    write_file(folder / NAME, found.encode_yaml())
+    found.write(folder)
     plot = Plot(
         "errors",
         partial(error_chart, runs, delay),

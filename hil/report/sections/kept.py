@@ -8,11 +8,12 @@ why and how to renew it.
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, TypeVar
+from typing import TYPE_CHECKING, Any
 
 from hil.commands import diagnose, payload
 from hil.errors import FileError
-from hil.results import consistency, load_file
+from hil.results import consistency
+from hil.results.load_file import LoadFile
 from hil.results.tables.parameters import drive_train
 from hil.show.outcome import Outcome
 from hil.show.rounding import significant, when
@@ -20,47 +21,41 @@ from hil.show.section import Section
 from hil.show.table import Column, Marked, Part, Table, figures, table
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Sequence
+    from collections.abc import Sequence
 
     from hil.commands.diagnose import DiagnosisFile
     from hil.model.robot import Robot
     from hil.report.reported_run import ReportedRun
     from hil.results.judgement import KeptJudgement, Reservation
-    from hil.results.load_file import LoadFile
     from hil.runs.journal import Session
-    from hil.runs.run import Run
-
-
-K = TypeVar("K", "LoadFile", "DiagnosisFile")
 
 
 def current(
-    read: Callable[[Run], K | None], run: ReportedRun, name: str, command: str
-) -> tuple[K | None, str]:
+    kind: type[LoadFile | DiagnosisFile], run: ReportedRun, command: str
+) -> tuple[Any, str]:
     """Read a kept result, or the reason for not showing it.
 
     Parameters
     ----------
-    read : callable
-        Function that returns the kept result of a folder, or None.
-    name : str
-        Name of the result's file.
+    kind : type
+        Kind of the result.
     command : str
         Command to renew the result.
 
     Returns
     -------
-    kept : K or None
+    kept : LoadFile, DiagnosisFile or None
     note : str
         Reason for not showing the result; empty if shown or missing.
     """
     try:
-        kept = read(run.source)
+        kept = kind.read(run.source.path)
         stale = kept.stale(run.source, run.model.values) if kept else ""
+        why = f"is stale and not shown: {stale}" if stale else ""
     except FileError as error:
-        return None, f"{name} cannot be used: {error}. Write it anew with: {command}"
-    if stale:
-        return None, f"{name} is stale and not shown: {stale}. Write it anew with: {command}"
+        why = f"cannot be used: {error}"
+    if why:
+        return None, f"{kind.names[0]} {why}. Write it anew with: {command}"
     return kept, ""
 
 
@@ -105,7 +100,7 @@ def bodies(run: ReportedRun) -> Section | None:
 def load(run: ReportedRun) -> Section | None:
     """Create the section of the kept load, or of the reason for its absence."""
     command = f"hil payload WITHOUT {run.source.path}"
-    found, note = current(load_file.read_load, run, load_file.NAME, command)
+    found, note = current(LoadFile, run, command)
     if found is None:
         return _section("The load", Outcome(), f"{note}.") if note else None
     bare = found.without
@@ -120,7 +115,7 @@ def load(run: ReportedRun) -> Section | None:
 def diagnosis(run: ReportedRun) -> Section | None:
     """Create the section of the kept diagnosis, or of the reason for its absence."""
     heading, command = "Parameters absent from the robot file", f"hil diagnose {run.source.path}"
-    found, note = current(diagnose.load_diagnosis, run, diagnose.NAME, command)
+    found, note = current(diagnose.DiagnosisFile, run, command)
     if found is None:
         return _section(heading, Outcome(), f"{note}.") if note else None
     intro = (

@@ -20,7 +20,7 @@ from hil.model.base_parameters import base_parameters
 from hil.report.page import report
 from hil.report.sections.kept import current
 from hil.results.load import quantities
-from hil.results.load_file import LoadFile, read_load
+from hil.results.load_file import LoadFile
 from hil.runs.run import Run
 from hil.show.terminal import show
 
@@ -145,7 +145,7 @@ class TestLoad:
         """Return table and notes of the loaded run's report, given an estimate."""
         then = SimpleNamespace(values=np.array([each.loaded for each in kept.changes]))
         run = SimpleNamespace(source=Run.open(place / "loaded"), model=then)
-        return current(read_load, run, "load.yaml", "hil payload")
+        return current(LoadFile, run, "hil payload")
 
     @pytest.mark.parametrize("changed", ["bare", "loaded"])
     def test_recordings_that_changed_since_make_it_stale(self, kept, copies, changed):
