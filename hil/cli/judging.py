@@ -197,24 +197,6 @@ def accept(
     if draft or limits is None:
         raise typer.BadParameter("give either --limits FILE or --draft", param_hint="--limits")
     stated = {"Serial number": printable(serial), "Operator": printable(operator)}
-    _accept(folder, output, limits, reference, stated)
-
-
-def _draft(folder: Path, output: Path, factor: float) -> None:
-    from hil.commands.accept import draft_limits, write_limits
-
-    refuse_existing(output)
-    refuse_no_folder(output)
-    with working("reading the run"):
-        found = draft_limits(folder, factor)
-    write_limits(output, found)
-    say(f"{len(found.quantities) + len(found.residual)} limits in {output}; adjust them to the "
-        "permitted variation of the series")  # fmt: skip
-
-
-def _accept(
-    folder: Path, output: Path, limits: Path, reference: Path | None, stated: dict[str, str]
-) -> None:
     from checked_files.yaml_file import load_yaml
     from hil.commands.accept import PAGE, Limits, outcome
     from hil.runs.run import Run
@@ -230,6 +212,18 @@ def _accept(
         if before := reference or drafted_from:
             show_causes(before, run)
         raise typer.Exit(Status.REFUSED)
+
+
+def _draft(folder: Path, output: Path, factor: float) -> None:
+    from hil.commands.accept import draft_limits, write_limits
+
+    refuse_existing(output)
+    refuse_no_folder(output)
+    with working("reading the run"):
+        found = draft_limits(folder, factor)
+    write_limits(output, found)
+    say(f"{len(found.quantities) + len(found.residual)} limits in {output}; adjust them to the "
+        "permitted variation of the series")  # fmt: skip
 
 
 @commands.command()

@@ -161,7 +161,7 @@ def report(run: Run | Path | str, figures: Path | None = None) -> Path:
     registry = OF_IDENTIFIED if whole.is_identified else OF_FRICTION
     sections = list(filter(None, (each(whole) for each in registry)))
     path = run.path / NAME
-    templates = _templates()
+    templates = environment(*TEMPLATES)
     texts = [(section, _text(templates, section)) for section in sections]
     charts = [plot.chart for plot in _plots(sections)]
     behind = frozenset[str]().union(*(chart.ids for chart in charts))
@@ -183,10 +183,6 @@ def report(run: Run | Path | str, figures: Path | None = None) -> Path:
 
 def _plots(sections: Iterable[Section]) -> list[Plot]:
     return [plot for each in sections for plot in each.plots]
-
-
-def _templates() -> Environment:
-    return environment(*TEMPLATES)
 
 
 def _top(run: ReportedRun) -> dict[str, object]:

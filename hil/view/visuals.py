@@ -313,7 +313,12 @@ def visuals(urdf: Path, robot: Robot, meshes: Path | None = None) -> Visuals:
     """
     reader = UrdfReader(urdf)
     chain = reader.chain()
-    _refuse_other(chain, robot, urdf)
+    # refuse a URDF with frames different from the robot file
+    if difference(chain, robot):
+        raise Mismatch(
+            f"{urdf}: its joints from {chain.base} to {chain.tip} differ in position from those "
+            f"of {robot.name}; give the URDF of the robot file"
+        )
     shapes: list[tuple[int, Array]] = []
     left_out = []
     for link, pose, element in _attached_links(reader, chain):
@@ -344,15 +349,6 @@ def _coarse(found: list[Visual]) -> Iterator[str]:
     cell = max((visual.mesh.cell for visual in found), default=FINEST)
     if cell > FINEST:
         yield f"meshes are coarser than their files, by up to {1000 * cell:.1f} mm"
-
-
-def _refuse_other(chain: UrdfChain, robot: Robot, urdf: Path) -> None:
-    """Refuse a URDF with frames different from the robot file."""
-    if difference(chain, robot):
-        raise Mismatch(
-            f"{urdf}: its joints from {chain.base} to {chain.tip} differ in position from those "
-            f"of {robot.name}; give the URDF of the robot file"
-        )
 
 
 def _attached_links(reader: UrdfReader, chain: UrdfChain) -> Iterator[tuple[int, Array, Element]]:
