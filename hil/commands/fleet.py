@@ -22,8 +22,19 @@ from checked_files.yaml_file import FileError, parse_yaml, read_text
 from hil.least_squares.uncertainty import TWICE
 from hil.optional_packages import needed_for
 from hil.results.changes import changed_table
-from hil.results.deviations import ENOUGH, FIRST, NEWEST, Deviations, Fleet, deviations
-from hil.results.fleet_index import EXTRA, known_keys, model_rows, table_of, write_part
+from hil.results.fleet_index import (
+    ENOUGH,
+    EXTRA,
+    FIRST,
+    NEWEST,
+    Deviations,
+    Fleet,
+    deviations,
+    known_keys,
+    model_rows,
+    table_of,
+    write_part,
+)
 from hil.results.model import Model
 from hil.results.model_file import NAME, ModelFile
 from hil.runs.run import Run

@@ -38,8 +38,7 @@ from drivers.drive_bus import LimitExceeded
 from hil.measuring import REHEARSAL_SPEED
 from hil.measuring.events import Finished, Paused, Recorded, Rehearsed, Repeated, Started, Travelled
 from hil.measuring.sequencer import hold, measure, never, refuse_other_bus
-from hil.measuring.streaming import pace, pass_slowly
-from hil.measuring.travel import locate, pass_along, travel
+from hil.measuring.travel import locate, pace, pass_along, pass_slowly, travel
 from hil.planning.dry_run import measurement_problems
 from hil.planning.strokes import TURN
 from hil.planning.timetable import SETTLING, travel_time

@@ -20,8 +20,7 @@ from drivers.drive_bus import DriveRefused, Move
 from hil.measuring import events
 from hil.measuring.checks.encoder_jumps import finished
 from hil.measuring.checks.recording_checks import LASTING, SIGN, check
-from hil.measuring.streaming import stream
-from hil.measuring.travel import locate, pass_along, stand, travel, until_reached
+from hil.measuring.travel import locate, pass_along, stand, stream, travel, until_reached
 from hil.planning.strokes import PARTNER_TURN, REST, SETTLED
 from hil.planning.timetable import timetable
 from hil.runs.recording import IDLE, Recorder

@@ -15,13 +15,12 @@ import json
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from hil.commands.torques import first_pose, packed_recordings
+from hil.commands.torques import arm, packed_recordings
 from hil.model.base_parameters import base_parameters
 from hil.report.reported_run import ReportedRun
 from hil.report.sections import OF_FRICTION, OF_IDENTIFIED
 from hil.runs.atomic_file import file_errors, write_file
 from hil.runs.run import opened
-from hil.show.charts.arm import arm
 from hil.show.html import environment
 from hil.show.outcome import Verdict
 from hil.show.page import write_html
@@ -173,7 +172,7 @@ def report(run: Run | Path | str, figures: Path | None = None) -> Path:
         "downloads": downloads(whole.model) if whole.is_identified else (),
         "carried": carried(whole, behind, played),
         "run": whole.source,
-        "picture": arm(whole.robot, first_pose(whole.robot, whole.campaign[0].recording)),
+        "picture": arm(whole.robot, whole.campaign[0].recording),
     }
     write_html(path, NAME, view_script() if values["carried"] else "", **values)
     if figures is not None:

@@ -19,7 +19,7 @@ import numpy as np
 from drivers.drive_bus import LATE_FOR, SampleFlag
 from hil.measuring.checks.encoder_jumps import longest_run
 from hil.measuring.checks.stroke_checks import half_sums, opposed, partners, peaks, stuck, windows
-from hil.measuring.streaming import astray
+from hil.measuring.travel import astray
 from hil.runs.recording import CHANCE, Finding
 
 if TYPE_CHECKING:
