@@ -14,7 +14,7 @@ from scipy import signal
 
 from hil.commands.diagnose import diagnose
 from hil.commands.friction import fit_friction
-from hil.estimation.friction import symmetry
+from hil.estimation.friction.points import judge_local_values
 from hil.estimation.identify import estimate
 from hil.estimation.signals import CUTOFF, Signals, signals
 from hil.estimation.two_step_methods import TwoStep, local_fits, prepare
@@ -49,7 +49,7 @@ def assess_strokes(run: Run, plant: Path, *, both: bool) -> Figures:
     p = found["published"].p
     judged = {name: comparison(each, robot, truth) for name, each in found.items()}
     wrong = [(f.sides[0] - f.sides[1] - f.row @ truth) * (f.kind == "gravity") for f in fits]
-    tests = symmetry.judge_local_values(found["improved"].local) if both else {}
+    tests = judge_local_values(found["improved"].local) if both else {}
     return {
         "minutes": measured[-1][1].time[-1] / 60,
         "known_gravity": errors(robot, _remove_torque(robot, fits, wrong), truth),

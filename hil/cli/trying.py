@@ -164,7 +164,7 @@ def _report(folder: Path, feed: Feed, found: str) -> None:
 
 def _measure(robot: Robot, plan: Plan, folder: Path, feed: Feed, speed: float) -> Model:
     from hil.cli.measuring import OnBus, measure
-    from hil.measuring.pacing import PacedBus
+    from hil.measuring.feeding import PacedBus
     from hil.results import model_file
     from hil.results.findings import identify_and_keep
     from hil.results.identification import method_for
@@ -226,7 +226,7 @@ def _push(
         from hil.cli.try_plans import pushed_plan
         from hil.cli.watch_view import WatchView
         from hil.measuring.events import Recorded
-        from hil.measuring.pacing import PacedBus
+        from hil.measuring.feeding import PacedBus
         from hil.results import model_file
         from hil.results.watch import pushes
         from hil.watching.watcher import Watcher, WatchingBus

@@ -14,9 +14,14 @@ import numpy as np
 
 from checked_files.yaml_file import FileError, FileModel
 from hil.errors import AsymmetricFriction, Mismatch, NotEnoughData
-from hil.estimation.friction import symmetry
-from hil.estimation.friction.points import GravityModel, history, points
-from hil.estimation.friction.symmetry import Symmetry
+from hil.estimation.friction.points import (
+    BOUND,
+    GravityModel,
+    Symmetry,
+    history,
+    judge_points,
+    points,
+)
 from hil.friction.curves import FrictionModel, Law, choose
 from hil.friction.drift import Level, drift
 from hil.model.base_parameters import base_parameters
@@ -127,7 +132,7 @@ class FrictionFile(KeptResult):
 def fit_friction(
     run: Run | Path | str,
     model: Path | str | None = None,
-    asymmetry: float = symmetry.BOUND,
+    asymmetry: float = BOUND,
     recordings: Sequence[tuple[RecordedMotion, Recording]] | None = None,
 ) -> FrictionResult:
     """Fit laws of friction to a run and test their symmetry; nothing is written.
@@ -196,7 +201,7 @@ def fit_friction(
         planned={m.id: m for m, _ in chosen},
         points=tuple(found),
         axes=tuple(fit for fit in fits if fit),
-        symmetry=symmetry.judge_points(found, asymmetry),
+        symmetry=judge_points(found, asymmetry),
         drifts=tuple(each for each in drifts if each),
         left_out=tuple(left_out),
         model_folder=str(model_folder) if model_folder else None,

@@ -22,10 +22,14 @@ from hil.show.html import deflate
 from hil.show.outcome import Played
 from hil.show.rounding import when
 from hil.show.section import Plot
-from hil.view.along_motion import concatenate_recordings, join_predictions
+from hil.view.along_motion import (
+    concatenate_recordings,
+    join_predictions,
+    most_demanding,
+    stretches,
+)
 from hil.view.page import view_script
 from hil.view.scene import Scene
-from hil.view.stretches import most_demanding, stretches
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence

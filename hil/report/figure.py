@@ -16,7 +16,7 @@ from hil.runs.atomic_file import write_file
 from hil.runs.run import opened
 from hil.show.charts.chart import MODEL, Band, Chart, Line, Panel, Points, Rule, chart
 from hil.show.charts.svg import file
-from hil.view.stretches import stretches
+from hil.view.along_motion import stretches
 
 if TYPE_CHECKING:
     from hil.results.model import Model

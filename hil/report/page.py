@@ -26,9 +26,8 @@ from hil.show.outcome import Verdict
 from hil.show.page import write_html
 from hil.show.rounding import duration, significant, when
 from hil.show.section import data_uri
-from hil.view.along_motion import join_predictions
+from hil.view.along_motion import carriers, join_predictions
 from hil.view.page import view_script
-from hil.view.stretches import carriers
 
 if TYPE_CHECKING:
     from collections.abc import Collection, Iterable, Iterator, Sequence

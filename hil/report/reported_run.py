@@ -17,7 +17,7 @@ from hil.results.model_file import NAME, read_model_file
 from hil.results.provenance import same_parameters
 from hil.runs.pooling import recorded
 from hil.runs.run import Run
-from hil.view.stretches import stretches
+from hil.view.along_motion import stretches
 
 if TYPE_CHECKING:
     from hil.commands.friction import FrictionResult
@@ -210,7 +210,7 @@ def friction_of_run(run: Run, recordings: Recordings) -> FrictionResult | None:
         return None
     # imported only for runs with friction measurements
     from hil.commands.friction import fit_friction, load_friction  # noqa: PLC0415
-    from hil.estimation.friction.symmetry import BOUND  # noqa: PLC0415
+    from hil.estimation.friction.points import BOUND  # noqa: PLC0415
 
     try:
         kept = load_friction(run)

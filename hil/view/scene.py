@@ -32,9 +32,9 @@ from hil.view.along_motion import (
     join_predictions,
     predicted,
     smallest,
+    stretches,
 )
 from hil.view.packed import Segment, Track, describe_motion, shown_kinds
-from hil.view.stretches import stretches
 from hil.view.visuals import robot_data, workspace_data
 
 if TYPE_CHECKING:

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from hil.commands import friction as command
-from hil.estimation.friction.symmetry import judge_local_values
+from hil.estimation.friction.points import judge_local_values
 from hil.estimation.local_fits import REFERENCE_SPEED
 from hil.planning.measurement import ELEMENT_KINDS
 from hil.results.identified_robot import lacking

@@ -28,7 +28,7 @@ from hil.show.charts.chart import (
     chart,
 )  # fmt: skip
 from hil.show.section import Plot, Section
-from hil.view.stretches import most_demanding
+from hil.view.along_motion import most_demanding
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator, Sequence
