@@ -1,4 +1,4 @@
-"""Buses in front of another bus, to which they pass all calls.
+"""Buses in front of another bus, to which all calls are passed.
 
 A bus with additional functions derives from `BusInFront` and defines only the changed calls.
 `FeedingBus` feeds forward velocity and torque with every streamed path, without a change of its

@@ -20,9 +20,9 @@ weak pushes. Each has a threshold,
 
 from the scatter of the window's means on this machine, learned without contact and tracked, from
 the model's own interval (base parameters, and tracked friction, `hil.watching.friction`), and from
-the possible friction error just after a reversal or a standstill (`hil.watching.turning`). At rest,
-friction balances any force up to its level in either direction, so only a greater force is visible.
-Before an axis has moved, its friction is unknown and no push is detected.
+the possible friction error just after a reversal or a standstill (`hil.watching.friction`). At
+rest, friction balances any force up to its level in either direction, so only a greater force is
+visible. Before an axis has moved, its friction is unknown and no push is detected.
 """
 
 from __future__ import annotations
@@ -36,8 +36,7 @@ from hil.errors import Mismatch
 from hil.model.dynamics import inverse_dynamics, regressor
 from hil.model.motors import motor_torque
 from hil.results.identified_robot import known_friction
-from hil.watching.friction import FrictionLevel, FrictionTables, columns_of
-from hil.watching.turning import Turning
+from hil.watching.friction import FrictionLevel, FrictionTables, Turning, columns_of
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence

@@ -1,4 +1,4 @@
-"""Friction torque at one speed, its symmetry, and the motion history on which friction depends.
+"""Friction torque at one speed, symmetry, and the motion history behind friction.
 
 Each stroke gives the mean torque T_k over its window of constant velocity. All windows of a
 measurement are cut to their common angles, over whole turns of the motor, so that gravity and
