@@ -26,7 +26,7 @@ from hil.results.tables.parameters import drive_train
 from hil.runs.atomic_file import own_folder, write_file
 from hil.runs.journal import now
 from hil.runs.pooling import recorded
-from hil.show.charts.chart import MODEL, Chart, Line, Panel, Points, Rule, chart
+from hil.show.charts.chart import MODEL, Chart, Line, Panel, Points, Rule
 from hil.show.charts.svg import file
 from hil.show.outcome import Outcome
 from hil.show.rounding import signed, uncertain
@@ -209,8 +209,12 @@ def outcome(run: Run, found: Diagnosis) -> Outcome:
     """Write diagnosis and plots into the folder of the run; return the outcome."""
     shown, robot = file_outcome(write_diagnosis(run, found), run.robot), run.robot
     charts = {
-        name: residuals_over_angles(
-            [v for v in found.estimate.local if v.kind == name], robot, kind
+        name: Chart(
+            tuple(
+                residuals_over_angles(
+                    [v for v in found.estimate.local if v.kind == name], robot, kind
+                )
+            )
         )
         for name, kind in ELEMENT_KINDS.items()
         if not kind.pair
@@ -241,30 +245,30 @@ def file_outcome(kept: DiagnosisFile, robot: Robot) -> Outcome:
     return Outcome((candidates(kept),), sentences=tuple(sentences(kept)), plots=plots)
 
 
-def shifted_sinusoid(phase: Phase, found: str, robot: Robot) -> Chart:
+def shifted_sinusoid(phase: Phase, found: str, robot: Robot) -> Iterator[Panel]:
     """Draw Fig. 7 of the paper: gravity torque with and without the `found` parameters."""
     angle = np.linspace(-np.pi, np.pi, 181)
     shown = np.degrees(angle)
     name = found if len(found) < 40 else "effects found"  # maximum number of letters in a legend
     error = [2.0 * (each or 0.0) for each in phase.standard_error]
-    return chart(
-        Panel(
-            (
-                Line(shown, phase.stated.evaluate(angle), MODEL, "robot file", "5 3"),
-                Line(shown, phase.extended.evaluate(angle), MODEL, f"with {name}"),
-                Points(np.degrees(phase.angle), phase.torque, error=error, label="measured"),
-            ),
-            title=f"phase offset {signed(f'{np.degrees(phase.shift):.1f}')}°",
-            x_label=f"$q_{{{phase.over}}}$ [deg]",
-            y_label=f"$g_{{{phase.axis}}}$ [{robot.torque_unit(phase.axis - 1)}]",
-            ticks={float(each): signed(f"{each}") for each in range(-180, 181, 60)},
-            width=700.0,
-            height=220.0,
-        )
+    yield Panel(
+        (
+            Line(shown, phase.stated.evaluate(angle), MODEL, "robot file", "5 3"),
+            Line(shown, phase.extended.evaluate(angle), MODEL, f"with {name}"),
+            Points(np.degrees(phase.angle), phase.torque, error=error, label="measured"),
+        ),
+        title=f"phase offset {signed(f'{np.degrees(phase.shift):.1f}')}°",
+        x_label=f"$q_{{{phase.over}}}$ [deg]",
+        y_label=f"$g_{{{phase.axis}}}$ [{robot.torque_unit(phase.axis - 1)}]",
+        ticks={float(each): signed(f"{each}") for each in range(-180, 181, 60)},
+        width=700.0,
+        height=220.0,
     )
 
 
-def residuals_over_angles(values: Sequence[LocalValue], robot: Robot, kind: ElementKind) -> Chart:
+def residuals_over_angles(
+    values: Sequence[LocalValue], robot: Robot, kind: ElementKind
+) -> Iterator[Panel]:
     """Draw residuals of the elements of each axis over the position of every varied joint.
 
     The mean residual of an axis over all configurations is removed: asymmetric friction, which step
@@ -278,36 +282,30 @@ def residuals_over_angles(values: Sequence[LocalValue], robot: Robot, kind: Elem
     kind : ElementKind
         Kind of the values.
     """
-    axes = sorted({value.axis for value in values})
-    each = ([value for value in values if value.axis == axis] for axis in axes)
-    return chart(panel for own in each for panel in _angle_panels(own, robot, kind))
-
-
-def _angle_panels(own: Sequence[LocalValue], robot: Robot, kind: ElementKind) -> Iterator[Panel]:
-    """Yield the panels of one axis with a common scale, over joints varied by 4 deg or 4 mm."""
-    axis = own[0].axis
-    left = np.array([value.shown[0] - value.model for value in own])
-    mean = float(left.mean())
-    error = 2.0 * np.nan_to_num([value.shown[1] for value in own])
-    most = 1.1 * float(np.max(np.abs(left - mean) + error)) or 1.0
-    unit, element = kind.unit_of(robot, axis, axis), kind.element(axis, axis)
-    for joint, turns in enumerate(robot.revolute):
-        shown = np.array([value.q[joint] for value in own]) * (180 / np.pi if turns else 1e3)
-        if np.ptp(shown) > 4.0:
-            yield Panel(
-                (
-                    Rule(0.0, colour=MODEL),
-                    Points(shown, left - mean, error=error, ids=[value.id for value in own],
-                           label="measured − modelled, ± 2 standard errors", size=2.5),
-                ),
-                title=f"${element}$ less mean {signed(f'{mean:.2g}')}",
-                x_label=f"$q_{{{joint + 1}}}$ [{'deg' if turns else 'mm'}]",
-                y_label=f"Δ${element}$ [{unit}]",
-                y_range=(-most, most),
-                ticks=_right_angles(shown) if turns else None,
-                width=260.0,
-                height=95.0,
-            )  # fmt: skip
+    for axis in sorted({value.axis for value in values}):
+        own = [value for value in values if value.axis == axis]
+        left = np.array([value.shown[0] - value.model for value in own])
+        mean = float(left.mean())
+        error = 2.0 * np.nan_to_num([value.shown[1] for value in own])
+        most = 1.1 * float(np.max(np.abs(left - mean) + error)) or 1.0
+        unit, element = kind.unit_of(robot, axis, axis), kind.element(axis, axis)
+        for joint, turns in enumerate(robot.revolute):
+            shown = np.array([value.q[joint] for value in own]) * (180 / np.pi if turns else 1e3)
+            if np.ptp(shown) > 4.0:
+                yield Panel(
+                    (
+                        Rule(0.0, colour=MODEL),
+                        Points(shown, left - mean, error=error, ids=[value.id for value in own],
+                               label="measured − modelled, ± 2 standard errors", size=2.5),
+                    ),
+                    title=f"${element}$ less mean {signed(f'{mean:.2g}')}",
+                    x_label=f"$q_{{{joint + 1}}}$ [{'deg' if turns else 'mm'}]",
+                    y_label=f"Δ${element}$ [{unit}]",
+                    y_range=(-most, most),
+                    ticks=_right_angles(shown) if turns else None,
+                    width=260.0,
+                    height=95.0,
+                )  # fmt: skip
 
 
 def _right_angles(shown: Array) -> dict[float, str] | None:

@@ -38,7 +38,7 @@ from hil.results.fleet_index import (
 from hil.results.model import Model
 from hil.results.model_file import NAME, ModelFile
 from hil.runs.run import Run
-from hil.show.charts.chart import MEASURED, MUTED, Chart, Line, Panel, Points, chart
+from hil.show.charts.chart import MEASURED, MUTED, Line, Panel, Points
 from hil.show.outcome import Outcome, Verdict
 from hil.show.rounding import unit
 from hil.show.section import Plot
@@ -344,18 +344,16 @@ def _plots(fleets: dict[str, Fleet], tested: dict[str, Deviations]) -> Iterator[
             )
 
 
-def month_chart(fleet: Fleet, changes: Sequence[Change]) -> Chart:
+def month_chart(fleet: Fleet, changes: Sequence[Change]) -> Iterator[Panel]:
     """Draw deviating quantities of machines beside the median of the fleet."""
-    return chart(
-        Panel(
+    for each in changes:
+        yield Panel(
             tuple(_history(fleet, each)),
             title=f"{each.run}: {each.quantity.title}",
             x_label="days since the first run",
             y_label=unit(each.quantity.unit),
             height=105.0,
         )
-        for each in changes
-    )
 
 
 def _history(fleet: Fleet, each: Change) -> Iterator[Line | Points]:

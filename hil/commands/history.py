@@ -28,7 +28,7 @@ from hil.results.tables import excluded
 from hil.runs.journal import now
 from hil.runs.pooling import Pooled
 from hil.runs.run import Run
-from hil.show.charts.chart import MEASURED, MODEL, MUTED, Chart, Panel, Points, chart
+from hil.show.charts.chart import MEASURED, MODEL, MUTED, Panel, Points
 from hil.show.outcome import Outcome, Verdict
 from hil.show.rounding import signed, uncertain, unit
 from hil.show.section import Plot
@@ -453,7 +453,7 @@ def _plots(found: History) -> Iterator[Plot]:
             )
 
 
-def time_chart(found: History, places: Sequence[int]) -> Chart:
+def time_chart(found: History, places: Sequence[int]) -> Iterator[Panel]:
     """Draw the quantities at `places`, one panel per quantity."""
     # days or hours; run numbers if a run has no date
     stamps = [run.measured for run in found.runs]
@@ -463,16 +463,14 @@ def time_chart(found: History, places: Sequence[int]) -> Chart:
         at, label = (seconds - seconds[0]) / 3600.0, "hours since the first run"
         if np.ptp(at) >= 48.0:
             at, label = at / 24.0, "days since the first run"
-    return chart(
-        Panel(
+    for place in places:
+        yield Panel(
             tuple(_readings(found, place, at)),
             title=found.quantities[place].title,
             x_label=label,
             y_label=unit(found.quantities[place].unit),
             height=105.0,
         )
-        for place in places
-    )
 
 
 def _readings(found: History, place: int, at: np.ndarray) -> Iterator[Points]:

@@ -22,7 +22,7 @@ from hil.planning.measurement import ELEMENT_KINDS
 from hil.results.findings import found_in
 from hil.results.load_file import DRAWN
 from hil.results.tables.parameters import NAMED
-from hil.show.charts.chart import MEASURED, MODEL, MUTED, Chart, Line, Panel, Points, chart
+from hil.show.charts.chart import MEASURED, MODEL, MUTED, Line, Panel, Points
 from hil.show.outcome import Outcome, Played, Verdict
 from hil.show.rounding import rounded, signed, uncertain, unit
 from hil.show.section import Plot
@@ -340,20 +340,18 @@ def load_chart(
     loaded: Sequence[ElementRecord],
     kind: ElementKind,
     robot: Robot,
-) -> Chart:
+) -> Iterator[Panel]:
     """Draw Figs. 5 and 6 of the paper: elements of both runs over configuration number."""
     runs = [[each for each in run if each.kind == kind.name] for run in (without, loaded)]
     axes = sorted({each.axis for run in runs for each in run})
-    return chart(
-        Panel(
+    for axis in axes:
+        yield Panel(
             (*_drawn_of(runs[0], axis, loaded=False), *_drawn_of(runs[1], axis, loaded=True)),
             title=f"${kind.element(axis - 1, axis - 1)}$",
             x_label="configuration number",
             y_label=f"{kind.quantity} [{kind.unit_of(robot, axis - 1, axis - 1)}]",
             whole=True,
         )
-        for axis in axes
-    )
 
 
 def _drawn_of(run: Sequence[ElementRecord], axis: int, *, loaded: bool) -> Iterator[Item]:

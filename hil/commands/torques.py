@@ -16,7 +16,7 @@ from markupsafe import Markup
 from hil.model.capsules import capsules, segments
 from hil.planning.workspace import Workspace, narrow_ranges
 from hil.runs.pooling import recorded
-from hil.show.charts.chart import MEASURED, MODEL, Band, Chart, Line, Panel, Rule, chart
+from hil.show.charts.chart import MEASURED, MODEL, Band, Line, Panel, Rule
 from hil.show.charts.svg import number, text
 from hil.show.html import deflate
 from hil.show.outcome import Played
@@ -32,7 +32,7 @@ from hil.view.page import view_script
 from hil.view.scene import Scene
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping, Sequence
+    from collections.abc import Iterator, Mapping, Sequence
     from pathlib import Path
 
     from hil.arrays import Array
@@ -142,38 +142,35 @@ def model_and_run(path: Path, model: Model, folder: Path) -> dict[str, str]:
     }
 
 
-def torque_chart(shown: Sequence[PredictedTorque], robot: Robot) -> Chart:
+def torque_chart(shown: Sequence[PredictedTorque], robot: Robot) -> Iterator[Panel]:
     """Draw measured and predicted torque with interval for each axis, residuals below."""
-    return chart(_torque(each, robot) for each in shown)
-
-
-def _torque(each: PredictedTorque, robot: Robot) -> Panel:
-    unit, t, half = robot.torque_unit(each.axis), each.time, each.half
-    low, high = each.predicted - half, each.predicted + half
-    around = np.where(np.isfinite(low), half, np.nan)
-    return Panel(
-        (
-            Band(t, low, high, label="95 % interval"),
-            Line(t, each.measured, MEASURED, "measured"),
-            Line(t, each.predicted, MODEL, "predicted", "5 3"),
-        ),
-        title=f"axis {each.axis + 1}, {each.measurement}",
-        x_label="time [s]",
-        y_label=f"{'torque' if robot.revolute[each.axis] else 'force'} [{unit}]",
-        below=Panel(
+    for each in shown:
+        unit, t, half = robot.torque_unit(each.axis), each.time, each.half
+        low, high = each.predicted - half, each.predicted + half
+        around = np.where(np.isfinite(low), half, np.nan)
+        yield Panel(
             (
-                Band(t, -around, around),
-                Rule(0.0),
-                Line(t, each.residual, MEASURED, width=0.9),
+                Band(t, low, high, label="95 % interval"),
+                Line(t, each.measured, MEASURED, "measured"),
+                Line(t, each.predicted, MODEL, "predicted", "5 3"),
             ),
-            y_label=f"Δ [{unit}]",
-            height=42.0,
-        ),
-        width=357.0,
-        height=112.0,
-        recording=each.measurement,
-        axis=each.axis,
-    )
+            title=f"axis {each.axis + 1}, {each.measurement}",
+            x_label="time [s]",
+            y_label=f"{'torque' if robot.revolute[each.axis] else 'force'} [{unit}]",
+            below=Panel(
+                (
+                    Band(t, -around, around),
+                    Rule(0.0),
+                    Line(t, each.residual, MEASURED, width=0.9),
+                ),
+                y_label=f"Δ [{unit}]",
+                height=42.0,
+            ),
+            width=357.0,
+            height=112.0,
+            recording=each.measurement,
+            axis=each.axis,
+        )
 
 
 def packed_recordings(

@@ -23,14 +23,14 @@ from hil.results.model import Model
 from hil.results.provenance import KeptResult
 from hil.runs.run import Run
 from hil.runs.set_points import path_time
-from hil.show.charts.chart import GREEN, MUTED, PURPLE, Chart, Line, Panel, chart
+from hil.show.charts.chart import GREEN, MUTED, PURPLE, Line, Panel
 from hil.show.outcome import Outcome, Verdict
 from hil.show.rounding import significant
 from hil.show.section import Plot
 from hil.show.table import Part, Table, figures, table
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping
+    from collections.abc import Iterator, Mapping
 
     from hil.arrays import Array
     from hil.runs.recording import Recording
@@ -264,7 +264,7 @@ def track(folder: Path, model: str, delay: float) -> Outcome:
     )
 
 
-def error_chart(runs: Mapping[str, Run], delay: float) -> Chart:
+def error_chart(runs: Mapping[str, Run], delay: float) -> Iterator[Panel]:
     """Draw following errors over the first period, and below only those with feed-forward.
 
     Parameters
@@ -284,8 +284,8 @@ def error_chart(runs: Mapping[str, Run], delay: float) -> Chart:
         label, colour = PASS_LINES[name]
         for axis, own in enumerate(lines):
             own[name] = Line(time[shown], 1e3 * error[shown, axis], colour, label)
-    return chart(
-        Panel(
+    for axis, own in enumerate(lines, start=1):
+        yield Panel(
             tuple(own.values()),
             title=f"axis {axis}",
             x_label="time [s]",
@@ -294,5 +294,3 @@ def error_chart(runs: Mapping[str, Run], delay: float) -> Chart:
             width=357.0,
             height=110.0,
         )
-        for axis, own in enumerate(lines, start=1)
-    )

@@ -19,12 +19,10 @@ from hil.show.charts.chart import (
     MODEL,
     MUTED,
     PURPLE,
-    Chart,
     Line,
     Panel,
     Points,
     Rule,
-    chart,
     ordered_colours,
 )
 from hil.show.section import Plot, Section
@@ -37,7 +35,6 @@ if TYPE_CHECKING:
     from hil.estimation.estimate import Estimate
     from hil.estimation.friction.points import FrictionPoint
     from hil.estimation.local_fits import LocalValue
-    from hil.friction.curves import AxisCurves
     from hil.friction.drift import Drift
     from hil.model.robot import Robot
     from hil.planning.measurement import ElementKind
@@ -65,45 +62,40 @@ def _characteristic(own: Sequence[FrictionPoint], colour: str, label: str) -> It
     yield Points(x, y, "o", colour, label, ids=[*ids[::-1], *ids], size=2.0)
 
 
-def model_curves(result: FrictionResult) -> Chart:
+def model_curves(result: FrictionResult) -> Iterator[Panel]:
     """Draw measured friction and fitted models of the axes: Fig. 1b."""
-    return chart(_models(result, fit) for fit in result.axes)
-
-
-def _models(result: FrictionResult, fit: AxisCurves) -> Panel:
-    limit = float(result.robot.velocity_limit[fit.axis])
-    v = np.geomspace(fit.velocity.min(), fit.velocity.max(), 120)
-    lines = (
-        Line(
-            v / limit,
-            model.torque(v),
-            STYLES[kind][0],
-            kind,
-            STYLES[kind][1],
-            width=2.0 if kind == fit.chosen else 1.0,
+    for fit in result.axes:
+        limit = float(result.robot.velocity_limit[fit.axis])
+        v = np.geomspace(fit.velocity.min(), fit.velocity.max(), 120)
+        lines = (
+            Line(
+                v / limit,
+                model.torque(v),
+                STYLES[kind][0],
+                kind,
+                STYLES[kind][1],
+                width=2.0 if kind == fit.chosen else 1.0,
+            )
+            for kind, model in fit.models.items()
         )
-        for kind, model in fit.models.items()
-    )
-    return Panel(
-        (*lines, Points(fit.velocity / limit, fit.torque, label="measured")),
-        title=f"axis {fit.axis + 1}: {fit.chosen}",
-        x_label="speed / speed limit",
-        y_label=f"friction [{result.robot.torque_unit(fit.axis)}]",
-        decades=True,
-    )
+        yield Panel(
+            (*lines, Points(fit.velocity / limit, fit.torque, label="measured")),
+            title=f"axis {fit.axis + 1}: {fit.chosen}",
+            x_label="speed / speed limit",
+            y_label=f"friction [{result.robot.torque_unit(fit.axis)}]",
+            decades=True,
+        )
 
 
-def draw_levels(drifts: Sequence[Drift]) -> Chart:
+def draw_levels(drifts: Sequence[Drift]) -> Iterator[Panel]:
     """Draw friction levels over time with the fitted drift model: Fig. 2a."""
-    return chart(
-        Panel(
+    for each in drifts:
+        yield Panel(
             tuple(_levels_in_time(each)),
             title=f"axis {each.axis + 1}",
             x_label="time [min]",
             y_label="friction / its mean",
         )
-        for each in drifts
-    )
 
 
 def _levels_in_time(drift: Drift) -> Iterator[Item]:
@@ -124,26 +116,23 @@ def _insert_gaps(minutes: Array, fitted: Array) -> Array:
     return np.where(pauses > 3.0 * np.median(pauses), np.nan, fitted)
 
 
-def operation_curves(result: FrictionResult) -> Chart:
+def operation_curves(result: FrictionResult) -> Iterator[Panel]:
     """Draw characteristics after several times of continuous operation: Fig. 2b."""
-    return chart(_operation_panel(result, axis) for axis in axes_in_operation(result))
-
-
-def _operation_panel(result: FrictionResult, axis: int) -> Panel:
-    curves = characteristics(result, axis)
-    begin = curves[0][0].time
-    items: list[Item] = [Rule(0.0, colour=INK)]
-    for curve, colour in zip(curves, ordered_colours(len(curves)), strict=True):
-        own = sorted(curve, key=lambda p: p.velocity)
-        after = f"after {(curve[0].time - begin) / 60:.0f} min of operation"
-        items += _characteristic(own, colour, after)
-    return Panel(
-        tuple(items),
-        title=f"axis {axis + 1}",
-        x_label=f"speed [{result.robot.position_unit(axis)}/s]",
-        y_label=f"friction [{result.robot.torque_unit(axis)}]",
-        height=190.0,
-    )
+    for axis in axes_in_operation(result):
+        curves = characteristics(result, axis)
+        begin = curves[0][0].time
+        items: list[Item] = [Rule(0.0, colour=INK)]
+        for curve, colour in zip(curves, ordered_colours(len(curves)), strict=True):
+            own = sorted(curve, key=lambda p: p.velocity)
+            after = f"after {(curve[0].time - begin) / 60:.0f} min of operation"
+            items += _characteristic(own, colour, after)
+        yield Panel(
+            tuple(items),
+            title=f"axis {axis + 1}",
+            x_label=f"speed [{result.robot.position_unit(axis)}/s]",
+            y_label=f"friction [{result.robot.torque_unit(axis)}]",
+            height=190.0,
+        )
 
 
 def characteristics(result: FrictionResult, axis: int) -> list[list[FrictionPoint]]:
@@ -162,11 +151,11 @@ def axes_in_operation(result: FrictionResult) -> list[int]:
     return [axis for axis in axes if len(characteristics(result, axis)) > 1]
 
 
-def levels(local: Sequence[LocalValue], robot: Robot) -> Chart:
+def levels(local: Sequence[LocalValue], robot: Robot) -> Iterator[Panel]:
     """Draw the friction of the axes over a campaign, from step 1."""
     last = max((value.time for value in local), default=0.0) / 60
-    return chart(
-        Panel(
+    for axis in sorted({value.axis for value in local}):
+        yield Panel(
             tuple(_levels([value for value in local if value.axis == axis])),
             title=f"axis {axis + 1}",
             x_label="robot time [min]",
@@ -174,8 +163,6 @@ def levels(local: Sequence[LocalValue], robot: Robot) -> Chart:
             x_range=(-0.02 * last, 1.02 * last),
             height=125.0,
         )
-        for axis in sorted({value.axis for value in local})
-    )
 
 
 def _levels(own: Sequence[LocalValue]) -> Iterator[Item]:

@@ -18,17 +18,7 @@ from hil.results.model_file import NAME
 from hil.results.tables import excluded as causes
 from hil.results.tables import parameters as tables
 from hil.results.tables.friction import campaign_friction
-from hil.show.charts.chart import (
-    INK,
-    MODEL,
-    Chart,
-    Line,
-    Panel,
-    Points,
-    Rule,
-    chart,
-    ordered_colours,
-)
+from hil.show.charts.chart import INK, MODEL, Line, Panel, Points, Rule, ordered_colours
 from hil.show.section import Plot, Section
 
 if TYPE_CHECKING:
@@ -95,7 +85,7 @@ def methods(run: ReportedRun) -> Section | None:
     return Section("Improved and published method", "methods.html", values)
 
 
-def intervals(model: Model, check: Model | None, effect: Array) -> Chart:
+def intervals(model: Model, check: Model | None, effect: Array) -> Iterator[Panel]:
     """Draw 95 % intervals of the parameters, and the values of the published method.
 
     A kg m² matters more on a wrist than on a shoulder: errors are shown as torques on a free
@@ -117,16 +107,14 @@ def intervals(model: Model, check: Model | None, effect: Array) -> Chart:
                label="identified, with 95 % interval", size=2.6),
         *checked,
     )  # fmt: skip
-    return chart(
-        Panel(
-            items,
-            x_label="effect on the torque of the most affected axis [%]",
-            y_range=(0.3, len(order) + 0.7),
-            rows={float(row): base.titles[k] for row, k in zip(rows, order, strict=True)},
-            width=780.0,
-            left=260.0,
-            height=max(21.0 * len(order), 120.0),
-        )
+    yield Panel(
+        items,
+        x_label="effect on the torque of the most affected axis [%]",
+        y_range=(0.3, len(order) + 0.7),
+        rows={float(row): base.titles[k] for row, k in zip(rows, order, strict=True)},
+        width=780.0,
+        left=260.0,
+        height=max(21.0 * len(order), 120.0),
     )
 
 
@@ -153,7 +141,7 @@ def excluded(run: ReportedRun) -> Section | None:
     return Section("What is excluded", "excluded.html", values, (plot,))
 
 
-def dots(proof: Excluded, n_joints: int) -> Chart:
+def dots(proof: Excluded, n_joints: int) -> Iterator[Panel]:
     """Draw the largest undetected torques by cause and axis."""
     drawn = [
         each
@@ -162,21 +150,19 @@ def dots(proof: Excluded, n_joints: int) -> Chart:
     ]
     names = list(dict.fromkeys(map(_name, drawn)))
     most = max([100.0, *(100.0 * each.unnoticed for each in drawn)])
-    return chart(
-        Panel(
-            [
-                _dot(each, len(names) - names.index(_name(each)), n_joints)
-                for each in sorted(drawn, key=lambda each: each.axis)
-            ],
-            x_label="largest undetected torque [%]",
-            x_range=(LEAST, most),
-            y_range=(0.4, len(names) + 0.6),
-            rows={float(len(names) - k): name for k, name in enumerate(names)},
-            decades=True,
-            width=760.0,
-            left=150.0,
-            height=max(30.0 * len(names), 120.0),
-        )
+    yield Panel(
+        [
+            _dot(each, len(names) - names.index(_name(each)), n_joints)
+            for each in sorted(drawn, key=lambda each: each.axis)
+        ],
+        x_label="largest undetected torque [%]",
+        x_range=(LEAST, most),
+        y_range=(0.4, len(names) + 0.6),
+        rows={float(len(names) - k): name for k, name in enumerate(names)},
+        decades=True,
+        width=760.0,
+        left=150.0,
+        height=max(30.0 * len(names), 120.0),
     )
 
 
@@ -222,21 +208,19 @@ def _plots(run: ReportedRun) -> Iterator[Plot]:
         )
 
 
-def draw_half_sums(half_sums: Sequence[HalfSums], robot: Robot) -> Chart:
+def draw_half_sums(half_sums: Sequence[HalfSums], robot: Robot) -> Iterator[Panel]:
     """Draw measured and modelled torques of the rigid bodies over position, by axis.
 
     The six recordings with the longest strokes are shown per axis.
     """
     axes = sorted({each.axis for each in half_sums})
-    return chart(
-        Panel(
+    for axis in axes:
+        yield Panel(
             tuple(_half_sums([each for each in half_sums if each.axis == axis])),
             title=f"axis {axis + 1}",
             x_label=f"position [{robot.position_unit(axis)}]",
             y_label=_torque(robot, axis),
         )
-        for axis in axes
-    )
 
 
 def _half_sums(own: Sequence[HalfSums]) -> Iterator[Item]:
@@ -247,30 +231,27 @@ def _half_sums(own: Sequence[HalfSums]) -> Iterator[Item]:
         yield Line(each.q, each.model, colour)
 
 
-def friction_curves(curves: Sequence[FrictionCurve], robot: Robot) -> Chart:
+def friction_curves(curves: Sequence[FrictionCurve], robot: Robot) -> Iterator[Panel]:
     """Draw friction over speed, by axis."""
-    return chart(_curve(curve, robot) for curve in curves)
-
-
-def _curve(curve: FrictionCurve, robot: Robot) -> Panel:
-    axis = curve.axis - 1
-    speed = np.array([point.speed for point in curve.points])
-    friction = np.array([point.friction for point in curve.points])
-    half = np.array([point.half_width or 0.0 for point in curve.points])
-    items: list[Item] = [Points(speed, friction, "o", label="measured", error=half, size=2.2)]
-    if curve.plain:
-        coulomb, viscous = (curve.plain[name].value for name in ("Coulomb", "viscous"))
-        ends = np.array([0.0, speed.max()])
-        items.append(Line(ends, coulomb + viscous * ends, MODEL, "Coulomb and viscous", "5 3"))
-    low, high = min(0.0, float(np.min(friction - half))), float(np.max(friction + half))
-    return Panel(
-        tuple(items),
-        title=f"axis {curve.axis}",
-        x_label=f"speed [{robot.position_unit(axis)}/s]",
-        y_label=_torque(robot, axis),
-        x_range=(0.0, 1.05 * float(speed.max())),
-        y_range=(low, high + 0.08 * (high - low)),
-    )
+    for curve in curves:
+        axis = curve.axis - 1
+        speed = np.array([point.speed for point in curve.points])
+        friction = np.array([point.friction for point in curve.points])
+        half = np.array([point.half_width or 0.0 for point in curve.points])
+        items: list[Item] = [Points(speed, friction, "o", label="measured", error=half, size=2.2)]
+        if curve.plain:
+            coulomb, viscous = (curve.plain[name].value for name in ("Coulomb", "viscous"))
+            ends = np.array([0.0, speed.max()])
+            items.append(Line(ends, coulomb + viscous * ends, MODEL, "Coulomb and viscous", "5 3"))
+        low, high = min(0.0, float(np.min(friction - half))), float(np.max(friction + half))
+        yield Panel(
+            tuple(items),
+            title=f"axis {curve.axis}",
+            x_label=f"speed [{robot.position_unit(axis)}/s]",
+            y_label=_torque(robot, axis),
+            x_range=(0.0, 1.05 * float(speed.max())),
+            y_range=(low, high + 0.08 * (high - low)),
+        )
 
 
 def _torque(robot: Robot, axis: int) -> str:

@@ -17,16 +17,7 @@ from hil.least_squares.uncertainty import TWICE
 from hil.report.sections.friction import models_plot
 from hil.report.sections.parameters import friction_curves
 from hil.results.identified_robot import friction_alone
-from hil.show.charts.chart import (
-    MUTED,
-    Band,
-    Chart,
-    Line,
-    Panel,
-    Points,
-    Rule,
-    chart,
-)  # fmt: skip
+from hil.show.charts.chart import MUTED, Band, Line, Panel, Points, Rule
 from hil.show.section import Plot, Section
 from hil.view.along_motion import most_demanding
 
@@ -102,7 +93,9 @@ def _law_plot(draw: object, words: str) -> Plot:
     )
 
 
-def draw_friction(model: Model, found: Iterable[PredictedTorque], *, linked: bool) -> Chart:
+def draw_friction(
+    model: Model, found: Iterable[PredictedTorque], *, linked: bool
+) -> Iterator[Panel]:
     """Draw friction over speed, measured and from the model's law.
 
     Points link to recordings if `linked`, for recordings of the run itself.
@@ -110,11 +103,9 @@ def draw_friction(model: Model, found: Iterable[PredictedTorque], *, linked: boo
     by_axis: dict[int, list[PredictedTorque]] = {}
     for each in found:
         by_axis.setdefault(each.axis, []).append(each)
-    return chart(
-        _law(model, axis, law, by_axis[axis], linked)
-        for axis, law in enumerate(model.friction_law.axes)
-        if law is not None and axis in by_axis
-    )
+    for axis, law in enumerate(model.friction_law.axes):
+        if law is not None and axis in by_axis:
+            yield _law(model, axis, law, by_axis[axis], linked)
 
 
 def _law(

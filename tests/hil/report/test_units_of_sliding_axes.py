@@ -66,7 +66,7 @@ def test_plots_of_a_load_and_of_a_phase(scara: Robot) -> None:
         axis=axis + 1, over=1, q=(0.0,) * scara.n_joints, stated=wave, extended=wave,
         angle=(0.0,), torque=(0.0,), standard_error=(0.0,),
     )  # fmt: skip
-    (load,) = load_chart([record], [record], ELEMENT_KINDS["gravity"], scara).panels
-    (shift,) = shifted_sinusoid(phase, "sz1", scara).panels
+    (load,) = load_chart([record], [record], ELEMENT_KINDS["gravity"], scara)
+    (shift,) = shifted_sinusoid(phase, "sz1", scara)
     assert load.y_label == f"{ELEMENT_KINDS['gravity'].quantity} [N]"
     assert shift.y_label.endswith("[N]")
