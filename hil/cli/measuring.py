@@ -1,8 +1,4 @@
-"""Command `hil run`: measurement of a plan, on a bus of drives or on the virtual plant.
-
-Only this module knows both identification and a concrete bus: simulation and hardware differ at
-`open_drive_bus`, by its arguments.
-"""
+"""Command `hil run`: measurement of a plan, on a bus of drives or on the virtual plant."""
 
 from __future__ import annotations
 
