@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from hil.report.sections import elements, friction, kept, parameters, torques
+from hil.report.sections import elements, friction, kept, parameters
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from hil.show.section import Section
 
 OF_IDENTIFIED: tuple[Callable[[ReportedRun], Section | None], ...] = (
-    torques.torque,
+    friction.torque,
     kept.validation,
     parameters.parameters,
     parameters.identified,
@@ -36,7 +36,7 @@ OF_IDENTIFIED: tuple[Callable[[ReportedRun], Section | None], ...] = (
 )
 """Sections for an identified run, by any method."""
 OF_FRICTION: tuple[Callable[[ReportedRun], Section | None], ...] = (
-    torques.torque,
+    friction.torque,
     friction.friction,
     kept.sessions,
 )
