@@ -223,8 +223,8 @@ def _push(
     with working("predicting torques"):
         from hil.cli.beside_model import keep_watch
         from hil.cli.measuring import OnBus, measure
+        from hil.cli.monitoring import WatchView
         from hil.cli.try_plans import pushed_plan
-        from hil.cli.watch_view import WatchView
         from hil.measuring.events import Recorded
         from hil.measuring.feeding import PacedBus
         from hil.results import model_file
