@@ -257,14 +257,14 @@ def _piece(shown: Shown, begin: float, every: int) -> tuple[Array, ...]:
     planned = np.full_like(recording.q, np.nan) if planned is None else planned
     velocity, torque = _velocity(recording, time)[kept], _means(recording.tau, every)
     time = time[kept]
-    join_predictions, half = np.full_like(torque, np.nan), np.full_like(torque, np.nan)
+    prediction, half = np.full_like(torque, np.nan), np.full_like(torque, np.nan)
     for axis, each in predicted.items():
-        low_passed, join_predictions[:, axis], half[:, axis] = (
+        low_passed, prediction[:, axis], half[:, axis] = (
             np.interp(time, each.time, values, np.nan, np.nan)
             for values in (each.measured, each.predicted, each.half)
         )
         torque[:, axis] = np.where(np.isfinite(low_passed), low_passed, torque[:, axis])
-    return begin + time, recording.q[kept], velocity, torque, planned[kept], join_predictions, half
+    return begin + time, recording.q[kept], velocity, torque, planned[kept], prediction, half
 
 
 def _velocity(recording: Recording, time: Array) -> Array:
