@@ -40,8 +40,15 @@ from pyarrow import parquet
 import hil
 from hil.commands.fleet import ask
 from hil.friction.law import TermValue
-from hil.results.deviations import FIRST, Fleet, deviations
-from hil.results.fleet_index import model_rows, read_fleets, table_of, write_part
+from hil.results.fleet_index import (
+    FIRST,
+    Fleet,
+    deviations,
+    model_rows,
+    read_fleets,
+    table_of,
+    write_part,
+)
 
 if TYPE_CHECKING:
     from hil.friction.law import AxisLaw
@@ -235,7 +242,7 @@ def judge_machines(model: hil.Model, folder: Path, machines: list[int], seed: in
     print(f"at most {resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1e3:.0f} MB of memory")
     numbers = " ".join(map(str, machines))
     command = f"python benchmarks/fleet.py --machines {numbers} --seed {seed}"
-    depends = ("hil/results/deviations.py", "hil/results/changes.py", "hil/commands/fleet.py")
+    depends = ("hil/results/fleet_index.py", "hil/results/changes.py", "hil/commands/fleet.py")
     keep("fleet", kept, depends=depends, command=command, seeds=(seed,))
 
 

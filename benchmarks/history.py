@@ -22,7 +22,7 @@ from pathlib import Path
 
 from figures import ROOT, Figure, keep
 
-from hil.results.history import history_of, read_history
+from hil.commands.history import history_of, read_history
 from hil.results.model import Model
 
 PLANT = Path(__file__).parents[1] / "sim_plant" / "plants" / "manutec-r15.yaml"

@@ -27,7 +27,7 @@ from hil.estimation.free_motion.gathering import gather
 from hil.estimation.free_motion.variants import DEFAULT, VARIANTS
 from hil.estimation.identify import estimate
 from hil.estimation.loads.evidence import free_motion_evidence
-from hil.estimation.loads.fit import fit_load
+from hil.estimation.loads.joint import fit_load
 
 sys.path.insert(0, str(Path(__file__).parents[1] / "tests" / "support"))
 

@@ -20,7 +20,7 @@ from figures import Figure, keep
 from history import FOLDER, made
 
 from hil.estimation.condensed import stack
-from hil.estimation.friction.history import history
+from hil.estimation.friction.points import history
 from hil.estimation.signals import signals
 from hil.friction.warmth import warmth_at
 from hil.results.identification import identify

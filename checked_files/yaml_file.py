@@ -48,7 +48,9 @@ class FileModel(BaseModel):
     def encode_yaml(self, width: int = 200) -> bytes:
         """Return YAML text with lines of at most about `width` characters."""
         content = self.model_dump(mode="json")
-        return yaml.dump(content, Dumper=Dumper, sort_keys=False, width=width).encode()
+        return yaml.dump(
+            content, Dumper=Dumper, sort_keys=False, width=width, allow_unicode=True
+        ).encode()
 
 
 M = TypeVar("M", bound=BaseModel)

@@ -142,7 +142,7 @@ class Work:
         """Wrap the counted functions for calculating, filtering and reading."""
         from h5py._hl.dataset import Dataset  # noqa: PLC0415 - traced as what commands import
 
-        from hil.least_squares import thinned, window  # noqa: PLC0415
+        from hil.least_squares import window  # noqa: PLC0415
         from hil.model import dynamics  # noqa: PLC0415
 
         self._count(dynamics, "regressors", "regressor rows", lambda made: sum(
@@ -150,7 +150,7 @@ class Work:
         self._count(dynamics, "_torques", "torque samples", lambda made: sum(
             tau[..., 0].size for tau in made))  # fmt: skip
         self._count(window, "correlate", "filtered samples", lambda made: made.size)
-        self._count(thinned, "smooth_at", "filtered samples", lambda made: made.size)
+        self._count(window, "smooth_at", "filtered samples", lambda made: made.size)
         self._count(Dataset, "__getitem__", "bytes read", lambda made: getattr(made, "nbytes", 0))
         sys.addaudithook(self._opened)
 

@@ -57,7 +57,7 @@ _BEAT = "drivers/canopen/heartbeat.py"
 _LEAST = "hil/least_squares/"
 _UNCERTAIN = f"{_LEAST}uncertainty.py"
 _LOCAL = "hil/estimation/local_fits.py"
-_TWO_STEP = "hil/estimation/two_step.py"
+_TWO_STEP = "hil/estimation/two_step_methods.py"
 
 MUTANTS = (
     # units and signs

@@ -5,7 +5,7 @@ The method is that of section 6, without changes. The plant's truth is used for 
 
 from __future__ import annotations
 
-from dataclasses import astuple, replace
+from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 from unittest.mock import patch
 
@@ -14,11 +14,10 @@ from scipy import signal
 
 from hil.commands.diagnose import diagnose
 from hil.commands.friction import fit_friction
-from hil.estimation.friction import symmetry
+from hil.estimation.friction.points import judge_local_values
 from hil.estimation.identify import estimate
 from hil.estimation.signals import CUTOFF, Signals, signals
-from hil.estimation.two_step import TwoStep
-from hil.estimation.two_step_methods import local_fits, prepare
+from hil.estimation.two_step_methods import TwoStep, local_fits, prepare
 from hil.ground_truth.comparison import comparison
 from hil.ground_truth.true_parameters import true_parameters
 from hil.model.base_parameters import base_parameters
@@ -31,7 +30,7 @@ if TYPE_CHECKING:
     from pathlib import Path
 
     from hil.arrays import Array
-    from hil.estimation.local_values import LocalFit
+    from hil.estimation.local_fits import LocalFit
     from hil.estimation.signals import Prepared
     from hil.model.robot import Robot
     from hil.runs.run import Run
@@ -50,7 +49,7 @@ def assess_strokes(run: Run, plant: Path, *, both: bool) -> Figures:
     p = found["published"].p
     judged = {name: comparison(each, robot, truth) for name, each in found.items()}
     wrong = [(f.sides[0] - f.sides[1] - f.row @ truth) * (f.kind == "gravity") for f in fits]
-    tests = symmetry.judge_local_values(found["improved"].local) if both else {}
+    tests = judge_local_values(found["improved"].local) if both else {}
     return {
         "minutes": measured[-1][1].time[-1] / 60,
         "known_gravity": errors(robot, _remove_torque(robot, fits, wrong), truth),
@@ -166,8 +165,8 @@ def assess_offset(run: Run) -> Figures:
     assert phase
     return {
         "names": first.names, "value": first.value, "error": first.standard_error,
-        "degrees": np.degrees(phase.shift), "stated": astuple(phase.stated),
-        "extended": astuple(phase.extended),
+        "degrees": np.degrees(phase.shift), "stated": tuple(phase.stated),
+        "extended": tuple(phase.extended),
         "q": np.degrees(phase.angle[:15]), "torque": phase.torque[:15],
     }  # fmt: skip
 

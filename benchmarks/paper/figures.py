@@ -8,7 +8,7 @@ import numpy as np
 from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
 
-from hil.estimation.gravity_phase import Sinusoid
+from hil.estimation.absent_parameters import Sinusoid
 from hil.friction.curves import torque
 from hil.planning.design.friction import OPERATION
 from hil.show.charts.chart import GREEN, INK, MEASURED, MODEL, MUTED, ordered_colours

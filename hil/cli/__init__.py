@@ -76,7 +76,7 @@ MODULES = {
     "identify": "results", "validate": "judging", "report": "results", "friction": "results",
     "payload": "payload", "diagnose": "results", "export": "exchanging", "track": "beside_model",
     "watch": "beside_model", "replay": "replaying", "accept": "judging", "history": "judging",
-    "doctor": "doctor", "try": "trying", "fleet": "fleet",
+    "doctor": "doctor", "try": "trying", "fleet": "judging",
 }  # fmt: skip
 """Module of a command, or group of commands, in this package."""
 COMMANDS = {name: text for panel in PANELS.values() for name, text in panel.items()}

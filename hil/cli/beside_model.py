@@ -173,8 +173,8 @@ def watch(
         )
     with working("reading plan and model"):
         from hil.cli.measuring import measure
+        from hil.cli.monitoring import WatchView
         from hil.cli.plan_files import load
-        from hil.cli.watch_view import WatchView
         from hil.results.model import loaded
         from hil.results.model_file import file_of
         from hil.results.watch import LEARNING, load_thresholds

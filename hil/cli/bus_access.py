@@ -1,8 +1,9 @@
-"""Shared parts of the drive commands: drives file, open bus, operator at the terminal."""
+"""Shared parts of the drive commands: drives file, open bus, operator, changes of settings."""
 
 from __future__ import annotations
 
 from contextlib import contextmanager, nullcontext
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -10,21 +11,28 @@ import typer
 
 from checked_files.near import did_you_mean
 from checked_files.yaml_file import FileError
+from drivers.commissioning.announcement import announce
+from drivers.drive_bus import DriveError, DriveRefused
 from drivers.drives_file import load_drives
+from drivers.found_settings.keeping import SettingsKeeper
 from drivers.opening import open_fieldbus
 from hil.cli.arguments import parse_pairs, refuse_no_channel
 from hil.cli.realtime import real_time, short_slices
 from hil.model.robot import ROBOTS
-from hil.terminal.console import out
+from hil.show.table import Column, figures, table
+from hil.show.terminal import show
+from hil.terminal.console import out, say
 from hil.terminal.interruption import interruptible
 from hil.terminal.keys import Keys, TerminalOperator
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator
+    from collections.abc import Iterator, Sequence
 
     from drivers.drives_file import AxisDrive, DrivesFile
+    from drivers.fieldbus import Entry
     from drivers.session.connection import Fieldbus
     from hil.cli.arguments import DrivesBus
+
 
 SUFFIX = ".drives.yaml"
 
@@ -127,3 +135,45 @@ def operator_at_terminal(*, agreed: bool) -> Iterator[TerminalOperator]:
     """Create an operator who answers and stops at the terminal."""
     with interruptible(lambda: "stopped; the axes are off"), Keys() as keys:
         yield TerminalOperator(out, keys, agreed=agreed)
+
+
+def show_changes(drives: DrivesFile, bus: Fieldbus, keeper: SettingsKeeper) -> None:
+    """List the pending changes of a session to the drives; nothing is written.
+
+    Raises
+    ------
+    DriveError
+        Unsuitable drives, a line each, after the tables of the suitable drives.
+    """
+    keeper.open(drives)
+    problems: list[DriveError] = []
+    unpowered, period = bus.unpowered(drives), drives.sync_period
+    for server, axis, communication in zip(
+        unpowered.servers, drives.axes, unpowered.communications, strict=True
+    ):
+        held = partial(keeper.found, server)
+        try:
+            found = announce(server, axis, drives, period, communication, held)
+        except DriveError as error:
+            problems.append(error)
+            continue
+        changes = [(each.entry, each.present, each.value) for each in found.changes]
+        show_changed(server.label, changes, "to be written")
+        for note in found.limits.notes:
+            say(f"{server.label}: {note}", style="yellow")
+    if problems:
+        raise DriveRefused("\n".join(map(str, problems)))
+
+
+def show_changed(label: str, changes: Sequence[tuple[Entry, int | None, int]], column: str) -> None:
+    """Print the objects of a drive: present value, where readable, and new value."""
+    if not changes:
+        say(f"{label}: all settings have the required values")
+        return
+    name, values = Column("name", folds=True), figures("value on the drive", column)
+    heads: tuple[str | Column, ...] = ("object", name, *values)
+    rows = [
+        (entry.place, entry.name, "-" if held is None else entry.shown(held), entry.shown(value))
+        for entry, held, value in changes
+    ]
+    show(table(label, heads, rows), out)

@@ -15,7 +15,7 @@ from rich.text import Text
 
 from drivers.cia402.states import Mode, State, decode_state
 from drivers.drive_bus import DriveRefused, NodeSilent
-from hil.cli import commissioning, monitoring, restoring
+from hil.cli import commissioning, monitoring
 from hil.cli.arguments import (
     PLANT,
     BitRate,
@@ -158,7 +158,7 @@ def example(
 
 for _command in (
     commissioning.check, commissioning.jog, commissioning.home, monitoring.monitor,
-    restoring.restore, commissioning.reset_faults,
+    commissioning.restore, commissioning.reset_faults,
 ):  # fmt: skip
     drives_commands.command()(_command)
 

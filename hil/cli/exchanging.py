@@ -17,9 +17,12 @@ from hil.cli.arguments import (
     Workers,
     body_bounds,
     executor,
+    files,
+    formats,
     parse_pairs,
+    robots,
+    runs,
 )
-from hil.cli.completion import files, formats, robots, runs
 from hil.cli.outputs import Status, folder_to_write, new_folder, output_option, refuse_no_folder
 from hil.terminal.console import out, say, working
 

@@ -1,7 +1,7 @@
-"""Commands `hil validate`, `hil accept` and `hil history`.
+"""Commands `hil validate`, `hil accept`, `hil history` and `hil fleet`.
 
-The commands judge a model by held-out data, a run by limits in series production, and a machine's
-condition over many runs.
+The commands judge a model by held-out data, a run by limits in series production, a machine's
+condition over many runs, and the machines of a fleet.
 """
 
 from __future__ import annotations
@@ -12,12 +12,25 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from checked_files.foreign_text import printable
-from hil.cli.arguments import RealTime, RobotsBus, RunPath, Without, expand_records
-from hil.cli.completion import files, robots, runs
+from hil.cli.arguments import (
+    RealTime,
+    RobotsBus,
+    RunPath,
+    Scheduler,
+    Without,
+    Workers,
+    executor,
+    expand_records,
+    files,
+    robots,
+    runs,
+)
 from hil.cli.measuring import OnBus
 from hil.cli.measuring import measure as measure_plan
 from hil.cli.outputs import (
     Status,
+    file_to_write,
+    folder_to_write,
     output_option,
     page_option,
     place_to_write,
@@ -29,10 +42,12 @@ from hil.cli.outputs import (
     write_page,
 )
 from hil.cli.results import Accuracy, Method, Others, refuse_unknown
-from hil.terminal.console import give, say, working
+from hil.terminal.console import give, out, say, working
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
+
+    from hil.commands.fleet import Runs
 
 
 commands = typer.Typer()
@@ -189,24 +204,6 @@ def accept(
     if draft or limits is None:
         raise typer.BadParameter("give either --limits FILE or --draft", param_hint="--limits")
     stated = {"Serial number": printable(serial), "Operator": printable(operator)}
-    _accept(folder, output, limits, reference, stated)
-
-
-def _draft(folder: Path, output: Path, factor: float) -> None:
-    from hil.commands.accept import draft_limits, write_limits
-
-    refuse_existing(output)
-    refuse_no_folder(output)
-    with working("reading the run"):
-        found = draft_limits(folder, factor)
-    write_limits(output, found)
-    say(f"{len(found.quantities) + len(found.residual)} limits in {output}; adjust them to the "
-        "permitted variation of the series")  # fmt: skip
-
-
-def _accept(
-    folder: Path, output: Path, limits: Path, reference: Path | None, stated: dict[str, str]
-) -> None:
     from checked_files.yaml_file import load_yaml
     from hil.commands.accept import PAGE, Limits, outcome
     from hil.runs.run import Run
@@ -222,6 +219,18 @@ def _accept(
         if before := reference or drafted_from:
             show_causes(before, run)
         raise typer.Exit(Status.REFUSED)
+
+
+def _draft(folder: Path, output: Path, factor: float) -> None:
+    from hil.commands.accept import draft_limits, write_limits
+
+    refuse_existing(output)
+    refuse_no_folder(output)
+    with working("reading the run"):
+        found = draft_limits(folder, factor)
+    write_limits(output, found)
+    say(f"{len(found.quantities) + len(found.residual)} limits in {output}; adjust them to the "
+        "permitted variation of the series")  # fmt: skip
 
 
 @commands.command()
@@ -256,8 +265,7 @@ def history(
 ) -> None:
     """Show how parameters and friction of one machine change over many runs."""
     with working(f"reading {len(folders)} runs") as now:
-        from hil.commands.history import monitoring_data, outcome
-        from hil.results.history import read_history
+        from hil.commands.history import monitoring_data, outcome, read_history
         from hil.runs.run import Run
 
         if identify:
@@ -289,3 +297,111 @@ def _identify(folders: Sequence[Path], now: Callable[[str], None]) -> None:
             run = Run.open(folder)
             found_in(run, default_method(run.motions)[0]).model.save(path)
             say(f"model in {path}")
+
+
+fleet_commands = typer.Typer(no_args_is_help=True)
+commands.add_typer(
+    fleet_commands,
+    name="fleet",
+    help="Index the models of many machines, and find machines that deviate from the fleet.",
+)
+
+Index = Annotated[Path, typer.Argument(metavar="INDEX", help="Index of a fleet.")]
+Rate = Annotated[
+    float,
+    typer.Option(
+        min=0.001, max=100.0, help="Maximum number of false alarms per machine in ten years."
+    ),
+]
+
+
+@fleet_commands.command()
+def index(
+    folders: Annotated[
+        list[str],
+        typer.Argument(
+            metavar="FOLDER",
+            help="Folders MACHINE/RUN of identified runs; object storage addresses are accepted.",
+        ),
+    ],
+    output: Annotated[
+        Path, output_option(folder_to_write, "Folder of the index to create or extend.")
+    ] = Path("fleet.parquet"),
+    workers: Workers = None,
+    scheduler: Scheduler = None,
+) -> None:
+    """Add the models of all runs in folders to an index; known models are not read again."""
+    from hil.commands.fleet import index as index_models
+
+    with executor(workers, scheduler) as execute, out.status("looking for models") as status:
+        found = index_models(folders, output, execute, status.update)
+    give(added=found.new)
+    _finish(found, f"{found.new} runs added to {output}, {found.known} known already")
+
+
+@fleet_commands.command()
+def identify(
+    folders: Annotated[
+        list[Path],
+        typer.Argument(
+            metavar="FOLDER",
+            help="Folders with run folders at any depth.",
+        ),
+    ],
+    workers: Workers = None,
+    scheduler: Scheduler = None,
+) -> None:
+    """Identify the runs in folders, in parallel; up-to-date models stay.
+
+    The same command resumes an interrupted one.
+    """
+    from hil.commands.fleet import identify_runs
+
+    with executor(workers, scheduler) as execute, out.status("looking for runs") as status:
+        found = identify_runs(folders, execute, status.update)
+    verdicts: dict[str, int] = dict(found.verdicts or {})
+    give(identified=found.new, verdicts=verdicts)
+    words = ", ".join(f"{n} {word}" for word, n in sorted(verdicts.items()) if word)
+    sentence = f"{found.new} runs identified, {found.known} up to date"
+    _finish(found, f"{sentence}: {words}" if words else sentence)
+
+
+def _finish(found: Runs, sentence: str) -> None:
+    """State which runs were left out and why; exit status 3 if there are any."""
+    for reason in found.left_out:
+        say(f"left out: {reason}", style="yellow")
+    say(sentence)
+    give(known=found.known, left_out=list(found.left_out))
+    if found.left_out:
+        raise typer.Exit(Status.REFUSED)
+
+
+@fleet_commands.command()
+def query(path: Index, rate: Rate = 0.5) -> None:
+    """List machines that deviate from their own past or from the fleet."""
+    with working("testing all machines"):
+        from hil.commands.fleet import ask
+        from hil.results.fleet_index import read_fleets
+
+        found = ask(read_fleets(path), rate)
+    show(found)
+
+
+@fleet_commands.command()
+def page(
+    path: Index,
+    output: Annotated[
+        Path,
+        typer.Option(
+            "-o", "--output", callback=file_to_write, help="Page to write; one HTML file."
+        ),
+    ] = Path("fleet.html"),
+    rate: Rate = 0.5,
+) -> None:
+    """Write a page of the deviating machines, with their quantities over time."""
+    with working("testing all machines"):
+        from hil.commands.fleet import ask
+        from hil.results.fleet_index import read_fleets
+
+        found = ask(read_fleets(path), rate)
+    write_page(output, found)

@@ -1,8 +1,4 @@
-"""Command `hil run`: measurement of a plan, on a bus of drives or on the virtual plant.
-
-Only this module knows both identification and a concrete bus: simulation and hardware differ at
-`open_drive_bus`, by its arguments.
-"""
+"""Command `hil run`: measurement of a plan, on a bus of drives or on the virtual plant."""
 
 from __future__ import annotations
 
@@ -21,8 +17,8 @@ from hil.cli.arguments import (
     expand_records,
     parse_pairs,
     refuse_no_channel,
+    runs,
 )
-from hil.cli.completion import runs
 from hil.cli.live import PortsOptional, Shown, hand_of, listeners
 from hil.cli.outputs import file_to_write, folder_to_write, output_option
 from hil.measuring import REHEARSAL_SPEED
@@ -165,7 +161,7 @@ def measure(
         from hil.cli.run_session import carry_out
         from hil.planning.plan import repeat_measurements
         from hil.runs.journal import BusName
-        from hil.tasks.found_settings import keeper_of_run
+        from hil.tasks.bus_state import keeper_of_run
         from hil.tasks.measuring import prepared_folder, refuse_unusable
         from hil.terminal.progress import shown
 
@@ -219,15 +215,15 @@ def _feed(
 
 
 def _show_changes(the_plan: Plan, the_robot: Robot, source: Path, output: Path, how: OnBus) -> None:
-    from hil.cli import bus_access, drive_settings
-    from hil.tasks.found_settings import kept_in
+    from hil.cli import bus_access
+    from hil.tasks.bus_state import kept_in
 
     drives, _ = _check_drives(the_plan, the_robot, source, how)
     channel = how.channel or the_robot.name
     parse_pairs(how.bus_option)
     kept = kept_in(output, how.interface, channel)
     with bus_access.open_interface(how.interface, channel, drives.bitrate, how.bus_option) as bus:
-        drive_settings.show_changes(drives, bus, kept)
+        bus_access.show_changes(drives, bus, kept)
     say("no object was written, no axis was powered")
 
 

@@ -1,12 +1,14 @@
-"""Command `hil drives monitor`: passive display of the drives on a bus.
+"""Live displays: of the drives on a bus for `hil drives monitor`, and of torques for `hil watch`.
 
-The table refreshes until a key ends the command. Without a terminal it is printed once, at the end.
+The table of drives refreshes until a key ends the command. Without a terminal it is printed once,
+at the end, and the display of torques and thresholds is plain lines.
 """
 
 from __future__ import annotations
 
 import math
 import time
+from contextlib import contextmanager
 from typing import TYPE_CHECKING, Annotated
 
 import typer
@@ -15,20 +17,25 @@ from rich.live import Live
 from rich.text import Text
 
 from hil.cli.arguments import Drives, DrivesBus, expand_records
+from hil.show.rounding import clock, significant
 from hil.show.table import Column, Marked, figures, table
 from hil.show.terminal import Drawn, show
-from hil.terminal.console import out
+from hil.terminal.console import out, say
 from hil.terminal.interruption import interruptible
 from hil.terminal.keys import Keys
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
+    from collections.abc import Callable, Iterator
 
     from rich.console import Console
 
     from drivers.cia402.picture import AxisPicture, Picture
     from drivers.drives_file import AxisDrive, DrivesFile
+    from hil.measuring.events import Event
+    from hil.model.robot import Robot
+    from hil.results.watch import Alarm
     from hil.show.table import Table
+    from hil.watching.watcher import Watcher
 
 
 @expand_records
@@ -157,3 +164,67 @@ def _alarm(axis: AxisPicture) -> str:
     if axis.foreign:
         parts.append(f"{axis.foreign} TPDOs of unexpected length")
     return "; ".join(parts)
+
+
+class WatchView:
+    """Display of new alarms, and of all axes' torques on a terminal.
+
+    Parameters
+    ----------
+    watcher : Watcher
+    robot : Robot
+    """
+
+    def __init__(self, watcher: Watcher, robot: Robot) -> None:
+        self._watcher = watcher
+        self._robot = robot
+        self._live: Live | None = None
+        self._next = 0.0
+        self._doing = ""
+
+    def take(self, alarm: Alarm | None, period: float = 0.1) -> None:
+        """Show an alarm; redraw the table after a period [s]."""
+        if alarm is not None:
+            from hil.watching.watcher import describe_alarm
+
+            say(describe_alarm(alarm, self._watcher.unit(alarm)), style="bold red")
+        if self._live is not None and time.monotonic() >= self._next:
+            self._next = time.monotonic() + period
+            self._live.update(self.draw(), refresh=True)
+
+    @contextmanager
+    def display(self, console: Console) -> Iterator[Callable[[Event], None]]:
+        """Show events; yield the function for events."""
+        from hil.terminal.progress import shown
+
+        if not console.is_terminal:
+            with shown(console) as show:
+                yield show
+            return
+        with Live(console=console, auto_refresh=False, transient=True) as live:
+            self._live = live
+            try:
+                yield self._note
+            finally:
+                self._live = None
+
+    def _note(self, event: Event) -> None:
+        from hil.terminal.progress import doing
+
+        self._doing = f"{doing(event)}, {clock(event.remaining)} of robot time left"
+
+    def draw(self) -> Group:
+        """Draw torques and thresholds of all axes, and the present measurement."""
+        watcher = self._watcher
+        state = "learning thresholds, no alarms yet" if watcher.learning else "watching"
+        heads = figures("measured", "predicted", "external", "threshold", "last alarm")
+        last = {alarm.axis: alarm for alarm in watcher.alarms}
+        rows = []
+        for axis, torques in enumerate(watcher.torques(), start=1):
+            cells = (significant(torque, 3) for torque in torques)
+            alarm = last.get(axis)
+            text = "" if alarm is None else f"{alarm.peak:+.3g} at {alarm.time:.1f} s"
+            unit = self._robot.torque_unit(axis - 1)
+            rows.append((f"{axis}, {unit}", *cells, Marked(text)))
+        drawn = Drawn(table(f"{state}, {len(watcher.alarms)} alarms", ("axis", *heads), rows))
+        return Group(drawn, Text(self._doing))

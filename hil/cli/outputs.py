@@ -199,7 +199,7 @@ def write_page(path: Path, found: Outcome) -> None:
 
 def show_causes(before: Path, *after: Run, known: Sequence[str] = ()) -> None:
     """Print a diagnosis of the change since a run, cause by cause."""
-    from hil.results.history import compare_causes
+    from hil.commands.history import compare_causes
 
     with working("looking for causes in the recordings"):
         found = compare_causes(before, after, known)

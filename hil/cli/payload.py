@@ -7,8 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from hil.cli.arguments import ModelPath, RobotsBus, expand_records, group_of
-from hil.cli.completion import runs
+from hil.cli.arguments import ModelPath, RobotsBus, expand_records, group_of, runs
 from hil.cli.outputs import (
     folder_to_write,
     output_option,
@@ -78,8 +77,8 @@ def two_runs(
             "needs --mass, from which gains are estimated", param_hint="--gains"
         )
     with working("reading the runs") as now:
+        from hil.commands.payload import verdict
         from hil.results import load_file
-        from hil.results.load_verdict import verdict
         from hil.results.problem import regression
         from hil.runs.run import Run
 
@@ -131,10 +130,10 @@ def measure(
 ) -> None:
     """Measure a load, slowly and then faster; the robot moves."""
     from hil.cli.measuring import OnBus
+    from hil.commands.payload import advised, verdict
     from hil.planning.design.load import REACH, fast_plan, load_capacity, slow_plan
     from hil.results.load import BareRun, LoadFit, estimate_load, find_load
     from hil.results.load_file import NAME, write_load
-    from hil.results.load_verdict import advised, verdict
     from hil.runs.run import Run
 
     if mass is not None and at_most is not None and mass > at_most:

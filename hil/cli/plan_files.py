@@ -7,11 +7,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from hil.model.robot import ROBOTS
-from hil.planning.plan import dump_plan
-from hil.planning.workspace_check import load_workspace, remarks
+from hil.planning.plan import dump_plan, load_workspace, opened_plan, remarks
 from hil.runs.atomic_file import write_file
 from hil.show.rounding import count
-from hil.tasks.plan_files import opened_plan
 from hil.terminal.console import give, say
 
 if TYPE_CHECKING:

@@ -18,8 +18,9 @@ from hil.cli.arguments import (
     RobotOption,
     RobotsDrives,
     WorkspaceOption,
+    robots,
+    runs,
 )
-from hil.cli.completion import robots, runs
 from hil.cli.outputs import NewPlan, page_option, show
 from hil.planning import LONGEST
 from hil.terminal.console import say, working

@@ -9,8 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Literal
 
 import typer
 
-from hil.cli.arguments import Masses, RunPath, RunPaths, Without, body_bounds
-from hil.cli.completion import methods, runs
+from hil.cli.arguments import Masses, RunPath, RunPaths, Without, body_bounds, methods, runs
 from hil.cli.outputs import (
     Status,
     folder_to_write,
@@ -98,7 +97,7 @@ def identify(
     """
     begun = perf_counter()
     with working("reading the run") as now:
-        from hil.estimation.friction.symmetry import judge_local_values
+        from hil.estimation.friction.points import judge_local_values
         from hil.results import identification, model_file
         from hil.results.advice import budget_table
         from hil.results.findings import identify_and_keep
@@ -258,7 +257,7 @@ def friction(
     """
     with working("reading the run") as now:
         from hil.commands.friction import NAME, fit_friction, outcome, write_friction
-        from hil.estimation.friction.symmetry import BOUND
+        from hil.estimation.friction.points import BOUND
         from hil.runs.run import Run
 
         refuse_unwritable(folder / NAME)

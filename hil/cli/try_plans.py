@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from hil.planning.design.by_counts import COUNTS, design
-from hil.planning.design.standard_motions import gravity_motion
+from hil.planning.design.measurable_elements import gravity_motion
 from hil.planning.design.trajectories import Basis
 from hil.planning.measurement import FOR_A_LAW, Gravity, Inertia
 from hil.planning.plan import make_plan

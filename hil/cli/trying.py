@@ -37,7 +37,7 @@ ROBOT = "manutec-r15"
 RUNS = Path("runs")
 LEARNING = 25.0
 """Learning time of the thresholds [s]: every axis then has moved for 15 s, after which a push does
-not count as scatter (`hil.watching.scatter`)."""
+not count as scatter (`hil.watching.detector`)."""
 LONGEST = 90.0
 """Latest start of a motion [s], once thresholds are learned: the announced duration is two minutes,
 and a motion takes 20 s. On two idle cores the arm can be pushed from 40 s on.
@@ -164,7 +164,7 @@ def _report(folder: Path, feed: Feed, found: str) -> None:
 
 def _measure(robot: Robot, plan: Plan, folder: Path, feed: Feed, speed: float) -> Model:
     from hil.cli.measuring import OnBus, measure
-    from hil.measuring.pacing import PacedBus
+    from hil.measuring.feeding import PacedBus
     from hil.results import model_file
     from hil.results.findings import identify_and_keep
     from hil.results.identification import method_for
@@ -223,10 +223,10 @@ def _push(
     with working("predicting torques"):
         from hil.cli.beside_model import keep_watch
         from hil.cli.measuring import OnBus, measure
+        from hil.cli.monitoring import WatchView
         from hil.cli.try_plans import pushed_plan
-        from hil.cli.watch_view import WatchView
         from hil.measuring.events import Recorded
-        from hil.measuring.pacing import PacedBus
+        from hil.measuring.feeding import PacedBus
         from hil.results import model_file
         from hil.results.watch import pushes
         from hil.watching.watcher import Watcher, WatchingBus

@@ -8,8 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from hil.cli.arguments import RobotOption, WorkspaceOption
-from hil.cli.completion import robots, runs
+from hil.cli.arguments import RobotOption, WorkspaceOption, robots, runs
 from hil.cli.outputs import file_to_write, output_option, refuse_no_folder, refuse_unwritable
 from hil.terminal.console import say, working
 

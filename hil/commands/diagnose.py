@@ -8,26 +8,25 @@ diagnosis without a new computation as long as all three are unchanged.
 from __future__ import annotations
 
 import math
-from dataclasses import astuple, dataclass, replace
+from dataclasses import dataclass, replace
 from functools import partial
 from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 
-from checked_files.yaml_file import FileModel, load_yaml
+from checked_files.yaml_file import FileModel
 from hil.errors import Mismatch
-from hil.estimation.absent_parameters import examine
-from hil.estimation.gravity_phase import Phase, Sinusoid, shifted_most
+from hil.estimation.absent_parameters import Candidate, Phase, examine, shifted_most
 from hil.estimation.identify import estimate
 from hil.estimation.two_step_methods import prepared_for
 from hil.model.base_parameters import base_parameters
 from hil.planning.measurement import ELEMENT_KINDS
-from hil.results.provenance import RunStamp, named, same_parameters
+from hil.results.provenance import KeptResult, RunStamp, named, same_parameters
 from hil.results.tables.parameters import drive_train
 from hil.runs.atomic_file import own_folder, write_file
 from hil.runs.journal import now
 from hil.runs.pooling import recorded
-from hil.show.charts.chart import MODEL, Chart, Line, Panel, Points, Rule, chart
+from hil.show.charts.chart import MODEL, Chart, Line, Panel, Points, Rule
 from hil.show.charts.svg import file
 from hil.show.outcome import Outcome
 from hil.show.rounding import signed, uncertain
@@ -41,7 +40,7 @@ if TYPE_CHECKING:
     from hil.arrays import Array
     from hil.estimation.absent_parameters import ModelErrors
     from hil.estimation.estimate import Estimate
-    from hil.estimation.local_values import LocalValue
+    from hil.estimation.local_fits import LocalValue
     from hil.model.robot import Robot
     from hil.planning.measurement import ElementKind
     from hil.runs.run import Run
@@ -89,23 +88,6 @@ SHOWN = 8
 """Number of candidates in the ranking."""
 
 
-class CandidateRecord(FileModel):
-    """Indistinguishable absent parameters; see `hil.estimation.absent_parameters.Candidate`."""
-
-    names: tuple[str, ...]
-    value: float
-    standard_error: float
-    t: float
-    p_value: float
-    beside: float | None
-    """t-value in a fit with all significant candidates; None for significant candidates."""
-
-    @property
-    def label(self) -> str:
-        """Names, joined."""
-        return " or ".join(self.names)
-
-
 class Needless(FileModel):
     """Stated base parameter that does not differ significantly from zero."""
 
@@ -114,54 +96,14 @@ class Needless(FileModel):
     p_value: float
 
 
-class PhaseRecord(FileModel):
-    """Values of Fig. 7; see `hil.estimation.gravity_phase.Phase`. Axes count from 1."""
-
-    axis: int
-    over: int
-    q: tuple[float, ...]
-    stated: tuple[float, float, float]
-    extended: tuple[float, float, float]
-    angle: tuple[float, ...]
-    torque: tuple[float, ...]
-    standard_error: tuple[float | None, ...]
-
-    @classmethod
-    def make(cls, phase: Phase) -> PhaseRecord:
-        """Make the record of a phase."""
-        return cls(
-            axis=phase.axis + 1,
-            over=phase.over + 1,
-            q=tuple(phase.q.tolist()),
-            stated=astuple(phase.stated),
-            extended=astuple(phase.extended),
-            angle=tuple(phase.angle.tolist()),
-            torque=tuple(phase.torque.tolist()),
-            standard_error=tuple(None if np.isnan(e) else float(e) for e in phase.standard_error),
-        )
-
-    def phase(self) -> Phase:
-        """Phase of the record."""
-        return Phase(
-            axis=self.axis - 1,
-            over=self.over - 1,
-            q=np.array(self.q),
-            stated=Sinusoid(*self.stated),
-            extended=Sinusoid(*self.extended),
-            angle=np.array(self.angle),
-            torque=np.array(self.torque),
-            standard_error=np.array([np.nan if e is None else e for e in self.standard_error]),
-        )
-
-
-class DiagnosisFile(FileModel):
+class DiagnosisFile(KeptResult):
     """Content of `diagnosis.yaml`.
 
     Attributes
     ----------
     p : tuple of float
         Base parameters of the estimate.
-    candidates : tuple of CandidateRecord
+    candidates : tuple of Candidate
         Candidates, each tested alone, strongest evidence first.
     found : tuple of str
         Labels of the significant candidates.
@@ -171,18 +113,19 @@ class DiagnosisFile(FileModel):
         Absent parameters invisible in any measurement, and those invisible in these measurements.
     """
 
+    names = (NAME,)
     format: Literal[1] = 1
     made: str
     version: str
     of: RunStamp
     p: tuple[float, ...]
     threshold: float
-    candidates: tuple[CandidateRecord, ...]
+    candidates: tuple[Candidate, ...]
     found: tuple[str, ...]
     needless: tuple[Needless, ...]
     absorbed: tuple[str, ...]
     unmeasured: tuple[str, ...]
-    phase: PhaseRecord | None
+    phase: Phase | None
 
     def stale(self, folder: Run, p: Array) -> str:
         """Return the reason if the file does not match the present run; empty if it does."""
@@ -192,24 +135,13 @@ class DiagnosisFile(FileModel):
 def write_diagnosis(run: Run, found: Diagnosis) -> DiagnosisFile:
     """Write `diagnosis.yaml` into the folder of the run, atomically; return its content."""
     errors, base = found.errors, base_parameters(found.robot)
-    beside = {c.names: c.t for c in errors.after} if errors.found else {}
     kept = DiagnosisFile(
         made=now(),
         version=__version__,
         of=RunStamp.create(run),
         p=tuple(found.estimate.p.tolist()),
         threshold=errors.threshold,
-        candidates=tuple(
-            CandidateRecord(
-                names=c.names,
-                value=c.value,
-                standard_error=c.standard_error,
-                t=c.t,
-                p_value=c.p_value,
-                beside=beside.get(c.names),
-            )
-            for c in errors.alone
-        ),
+        candidates=errors.alone,
         found=tuple(c.label for c in errors.found),
         needless=tuple(
             Needless(name=base.titles[k], expression=base.expressions[k], p_value=float(p_value))
@@ -219,22 +151,10 @@ def write_diagnosis(run: Run, found: Diagnosis) -> DiagnosisFile:
         ),
         absorbed=errors.absorbed,
         unmeasured=errors.unmeasured,
-        phase=PhaseRecord.make(found.phase) if found.phase else None,
+        phase=found.phase,
     )
-    write_file(run.path / NAME, kept.encode_yaml(100))
+    kept.write(run.path)
     return kept
-
-
-def load_diagnosis(folder: Run) -> DiagnosisFile | None:
-    """Read the diagnosis of a run; None without a file.
-
-    Raises
-    ------
-    FileError
-        A damaged file.
-    """
-    path = folder.path / NAME
-    return load_yaml(path, DiagnosisFile) if path.exists() else None
 
 
 def candidates(found: DiagnosisFile) -> Table:
@@ -248,7 +168,7 @@ def candidates(found: DiagnosisFile) -> Table:
     )
 
 
-def _candidate(each: CandidateRecord, found: DiagnosisFile) -> Row:
+def _candidate(each: Candidate, found: DiagnosisFile) -> Row:
     beside = "" if each.beside is None else signed(f"{each.beside:.1f}")
     return (
         each.label,
@@ -271,7 +191,7 @@ def sentences(found: DiagnosisFile) -> Iterator[str]:
             "robot file."
         )
     if found.phase is not None:
-        shift = signed(f"{math.degrees(found.phase.phase().shift):.1f}")
+        shift = signed(f"{math.degrees(found.phase.shift):.1f}")
         yield (
             f"The effects found shift the phase of g{found.phase.axis} over q{found.phase.over} by "
             f"{shift} degrees at the measured configuration of largest amplitude."
@@ -289,8 +209,12 @@ def outcome(run: Run, found: Diagnosis) -> Outcome:
     """Write diagnosis and plots into the folder of the run; return the outcome."""
     shown, robot = file_outcome(write_diagnosis(run, found), run.robot), run.robot
     charts = {
-        name: residuals_over_angles(
-            [v for v in found.estimate.local if v.kind == name], robot, kind
+        name: Chart(
+            tuple(
+                residuals_over_angles(
+                    [v for v in found.estimate.local if v.kind == name], robot, kind
+                )
+            )
         )
         for name, kind in ELEMENT_KINDS.items()
         if not kind.pair
@@ -309,7 +233,7 @@ def file_outcome(kept: DiagnosisFile, robot: Robot) -> Outcome:
     if kept.phase is not None:
         plot = Plot(
             "phase",
-            partial(shifted_sinusoid, kept.phase.phase(), ", ".join(kept.found), robot),
+            partial(shifted_sinusoid, kept.phase, ", ".join(kept.found), robot),
             "A gravity torque over a joint angle: measurements, model of the robot file, and "
             "model with the effects found.",
             "Gravity torque with the largest phase shift by the effects found (the paper's Fig. "
@@ -321,30 +245,30 @@ def file_outcome(kept: DiagnosisFile, robot: Robot) -> Outcome:
     return Outcome((candidates(kept),), sentences=tuple(sentences(kept)), plots=plots)
 
 
-def shifted_sinusoid(phase: Phase, found: str, robot: Robot) -> Chart:
+def shifted_sinusoid(phase: Phase, found: str, robot: Robot) -> Iterator[Panel]:
     """Draw Fig. 7 of the paper: gravity torque with and without the `found` parameters."""
     angle = np.linspace(-np.pi, np.pi, 181)
     shown = np.degrees(angle)
     name = found if len(found) < 40 else "effects found"  # maximum number of letters in a legend
-    error = 2.0 * np.nan_to_num(phase.standard_error)
-    return chart(
-        Panel(
-            (
-                Line(shown, phase.stated.evaluate(angle), MODEL, "robot file", "5 3"),
-                Line(shown, phase.extended.evaluate(angle), MODEL, f"with {name}"),
-                Points(np.degrees(phase.angle), phase.torque, error=error, label="measured"),
-            ),
-            title=f"phase offset {signed(f'{np.degrees(phase.shift):.1f}')}°",
-            x_label=f"$q_{{{phase.over + 1}}}$ [deg]",
-            y_label=f"$g_{{{phase.axis + 1}}}$ [{robot.torque_unit(phase.axis)}]",
-            ticks={float(each): signed(f"{each}") for each in range(-180, 181, 60)},
-            width=700.0,
-            height=220.0,
-        )
+    error = [2.0 * (each or 0.0) for each in phase.standard_error]
+    yield Panel(
+        (
+            Line(shown, phase.stated.evaluate(angle), MODEL, "robot file", "5 3"),
+            Line(shown, phase.extended.evaluate(angle), MODEL, f"with {name}"),
+            Points(np.degrees(phase.angle), phase.torque, error=error, label="measured"),
+        ),
+        title=f"phase offset {signed(f'{np.degrees(phase.shift):.1f}')}°",
+        x_label=f"$q_{{{phase.over}}}$ [deg]",
+        y_label=f"$g_{{{phase.axis}}}$ [{robot.torque_unit(phase.axis - 1)}]",
+        ticks={float(each): signed(f"{each}") for each in range(-180, 181, 60)},
+        width=700.0,
+        height=220.0,
     )
 
 
-def residuals_over_angles(values: Sequence[LocalValue], robot: Robot, kind: ElementKind) -> Chart:
+def residuals_over_angles(
+    values: Sequence[LocalValue], robot: Robot, kind: ElementKind
+) -> Iterator[Panel]:
     """Draw residuals of the elements of each axis over the position of every varied joint.
 
     The mean residual of an axis over all configurations is removed: asymmetric friction, which step
@@ -358,36 +282,30 @@ def residuals_over_angles(values: Sequence[LocalValue], robot: Robot, kind: Elem
     kind : ElementKind
         Kind of the values.
     """
-    axes = sorted({value.axis for value in values})
-    each = ([value for value in values if value.axis == axis] for axis in axes)
-    return chart(panel for own in each for panel in _angle_panels(own, robot, kind))
-
-
-def _angle_panels(own: Sequence[LocalValue], robot: Robot, kind: ElementKind) -> Iterator[Panel]:
-    """Yield the panels of one axis with a common scale, over joints varied by 4 deg or 4 mm."""
-    axis = own[0].axis
-    left = np.array([value.shown[0] - value.model for value in own])
-    mean = float(left.mean())
-    error = 2.0 * np.nan_to_num([value.shown[1] for value in own])
-    most = 1.1 * float(np.max(np.abs(left - mean) + error)) or 1.0
-    unit, element = kind.unit_of(robot, axis, axis), kind.element(axis, axis)
-    for joint, turns in enumerate(robot.revolute):
-        shown = np.array([value.q[joint] for value in own]) * (180 / np.pi if turns else 1e3)
-        if np.ptp(shown) > 4.0:
-            yield Panel(
-                (
-                    Rule(0.0, colour=MODEL),
-                    Points(shown, left - mean, error=error, ids=[value.id for value in own],
-                           label="measured − modelled, ± 2 standard errors", size=2.5),
-                ),
-                title=f"${element}$ less mean {signed(f'{mean:.2g}')}",
-                x_label=f"$q_{{{joint + 1}}}$ [{'deg' if turns else 'mm'}]",
-                y_label=f"Δ${element}$ [{unit}]",
-                y_range=(-most, most),
-                ticks=_right_angles(shown) if turns else None,
-                width=260.0,
-                height=95.0,
-            )  # fmt: skip
+    for axis in sorted({value.axis for value in values}):
+        own = [value for value in values if value.axis == axis]
+        left = np.array([value.shown[0] - value.model for value in own])
+        mean = float(left.mean())
+        error = 2.0 * np.nan_to_num([value.shown[1] for value in own])
+        most = 1.1 * float(np.max(np.abs(left - mean) + error)) or 1.0
+        unit, element = kind.unit_of(robot, axis, axis), kind.element(axis, axis)
+        for joint, turns in enumerate(robot.revolute):
+            shown = np.array([value.q[joint] for value in own]) * (180 / np.pi if turns else 1e3)
+            if np.ptp(shown) > 4.0:
+                yield Panel(
+                    (
+                        Rule(0.0, colour=MODEL),
+                        Points(shown, left - mean, error=error, ids=[value.id for value in own],
+                               label="measured − modelled, ± 2 standard errors", size=2.5),
+                    ),
+                    title=f"${element}$ less mean {signed(f'{mean:.2g}')}",
+                    x_label=f"$q_{{{joint + 1}}}$ [{'deg' if turns else 'mm'}]",
+                    y_label=f"Δ${element}$ [{unit}]",
+                    y_range=(-most, most),
+                    ticks=_right_angles(shown) if turns else None,
+                    width=260.0,
+                    height=95.0,
+                )  # fmt: skip
 
 
 def _right_angles(shown: Array) -> dict[float, str] | None:

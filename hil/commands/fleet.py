@@ -21,13 +21,24 @@ from checked_files.foreign_text import whole_line
 from checked_files.yaml_file import FileError, parse_yaml, read_text
 from hil.least_squares.uncertainty import TWICE
 from hil.optional_packages import needed_for
-from hil.results.deviations import ENOUGH, FIRST, NEWEST, Deviations, Fleet, deviations
-from hil.results.fleet_index import EXTRA, known_keys, model_rows, table_of, write_part
+from hil.results.changes import changed_table
+from hil.results.fleet_index import (
+    ENOUGH,
+    EXTRA,
+    FIRST,
+    NEWEST,
+    Deviations,
+    Fleet,
+    deviations,
+    known_keys,
+    model_rows,
+    table_of,
+    write_part,
+)
 from hil.results.model import Model
 from hil.results.model_file import NAME, ModelFile
-from hil.results.tables.changes import changed_table
 from hil.runs.run import Run
-from hil.show.charts.chart import MEASURED, MUTED, Chart, Line, Panel, Points, chart
+from hil.show.charts.chart import MEASURED, MUTED, Line, Panel, Points
 from hil.show.outcome import Outcome, Verdict
 from hil.show.rounding import unit
 from hil.show.section import Plot
@@ -333,18 +344,16 @@ def _plots(fleets: dict[str, Fleet], tested: dict[str, Deviations]) -> Iterator[
             )
 
 
-def month_chart(fleet: Fleet, changes: Sequence[Change]) -> Chart:
+def month_chart(fleet: Fleet, changes: Sequence[Change]) -> Iterator[Panel]:
     """Draw deviating quantities of machines beside the median of the fleet."""
-    return chart(
-        Panel(
+    for each in changes:
+        yield Panel(
             tuple(_history(fleet, each)),
             title=f"{each.run}: {each.quantity.title}",
             x_label="days since the first run",
             y_label=unit(each.quantity.unit),
             height=105.0,
         )
-        for each in changes
-    )
 
 
 def _history(fleet: Fleet, each: Change) -> Iterator[Line | Points]:

@@ -12,19 +12,23 @@ from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 
-from checked_files.yaml_file import FileError, FileModel, load_yaml
+from checked_files.yaml_file import FileError, FileModel
 from hil.errors import AsymmetricFriction, Mismatch, NotEnoughData
-from hil.estimation.friction import symmetry
-from hil.estimation.friction.history import history
-from hil.estimation.friction.points import GravityModel, points
-from hil.estimation.friction.symmetry import Symmetry
+from hil.estimation.friction.points import (
+    BOUND,
+    GravityModel,
+    Symmetry,
+    history,
+    judge_points,
+    points,
+)
 from hil.friction.curves import FrictionModel, Law, choose
 from hil.friction.drift import Level, drift
 from hil.model.base_parameters import base_parameters
 from hil.planning.measurement import Friction, select_kind
 from hil.results.model import Model
+from hil.results.provenance import KeptResult
 from hil.results.tables import friction as tables
-from hil.runs.atomic_file import write_file
 from hil.runs.journal import now
 from hil.runs.pooling import recorded
 from hil.runs.run import opened
@@ -98,9 +102,10 @@ class AxisRecord(FileModel):
     symmetry: Symmetry | None
 
 
-class FrictionFile(FileModel):
+class FrictionFile(KeptResult):
     """Content of `friction.yaml`."""
 
+    names = (NAME,)
     format: Literal[1] = 1
     robot: str
     robot_digest: str
@@ -127,7 +132,7 @@ class FrictionFile(FileModel):
 def fit_friction(
     run: Run | Path | str,
     model: Path | str | None = None,
-    asymmetry: float = symmetry.BOUND,
+    asymmetry: float = BOUND,
     recordings: Sequence[tuple[RecordedMotion, Recording]] | None = None,
 ) -> FrictionResult:
     """Fit laws of friction to a run and test their symmetry; nothing is written.
@@ -196,7 +201,7 @@ def fit_friction(
         planned={m.id: m for m, _ in chosen},
         points=tuple(found),
         axes=tuple(fit for fit in fits if fit),
-        symmetry=symmetry.judge_points(found, asymmetry),
+        symmetry=judge_points(found, asymmetry),
         drifts=tuple(each for each in drifts if each),
         left_out=tuple(left_out),
         model_folder=str(model_folder) if model_folder else None,
@@ -226,9 +231,7 @@ def write_friction(run: Run, result: FrictionResult) -> Path:
             for axis in sorted({point.axis for point in result.points})
         ),
     )
-    path = run.path / NAME
-    write_file(path, content.encode_yaml())
-    return path
+    return content.write(run.path)
 
 
 def load_friction(run: Run) -> FrictionFile:
@@ -239,10 +242,12 @@ def load_friction(run: Run) -> FrictionFile:
     FileError
         Friction was not evaluated, or a damaged file.
     """
-    path = run.path / NAME
-    if not path.exists():
-        raise FileError(f"{path}: does not exist yet; make it with: hil friction {run.path}")
-    return load_yaml(path, FrictionFile)
+    found = FrictionFile.read(run.path)
+    if found is None:
+        raise FileError(
+            f"{run.path / NAME}: does not exist yet; make it with: hil friction {run.path}"
+        )
+    return found
 
 
 def refuse_asymmetric(run: Run, robot: Robot) -> list[str]:

@@ -1,20 +1,34 @@
 """`hil history`: condition of a machine over many runs, with significant changes.
 
 docs/how-to/history.md lists the keys of the data for monitoring.
+
+Every run is compared with a reference, the first run by default, and with the previous run. All
+tests of a run are adjusted together (`hil.results.changes`). Only the models are read, so that
+hundreds of runs take seconds. Causes of a change are tested separately, on the recordings of two
+runs (`compare_causes`).
 """
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from datetime import datetime
 from functools import partial
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from hil.errors import InvalidValue, Mismatch
+from hil.estimation.excluded.proof import changed
 from hil.estimation.intervals import SIGNIFICANT
-from hil.results.tables.changes import changed_table
+from hil.results.changes import adjusted, change, changed_table, common_friction, rescaled
+from hil.results.model import Model
+from hil.results.provenance import same_recordings
+from hil.results.quantities import quantities, reading
+from hil.results.tables import excluded
 from hil.runs.journal import now
-from hil.show.charts.chart import MEASURED, MODEL, MUTED, Chart, Panel, Points, chart
+from hil.runs.pooling import Pooled
+from hil.runs.run import Run
+from hil.show.charts.chart import MEASURED, MODEL, MUTED, Panel, Points
 from hil.show.outcome import Outcome, Verdict
 from hil.show.rounding import signed, uncertain, unit
 from hil.show.section import Plot
@@ -22,10 +36,248 @@ from hil.show.table import Column, Marked, Table, figures, table
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
+    from pathlib import Path
 
-    from hil.results.history import History, KnownRun
-    from hil.results.quantities import Kind, Reading
+    from hil.model.robot import Robot
+    from hil.results.changes import Change, Rescaled
+    from hil.results.identified_robot import IdentifiedRobot
+    from hil.results.quantities import Kind, Quantity, Reading
     from hil.show.table import Row
+
+
+@dataclass(frozen=True, eq=False)
+class KnownRun:
+    """Run with readings in the order of the quantities; None for an unknown quantity."""
+
+    label: str
+    model: IdentifiedRobot
+    readings: tuple[Reading | None, ...]
+
+    @property
+    def measured(self) -> str:
+        """Start of the last session; for imported runs the time of the import."""
+        return self.model.provenance.measured
+
+
+@dataclass(frozen=True, eq=False)
+class History:
+    """Runs of a machine and the changes between runs.
+
+    Attributes
+    ----------
+    quantities : tuple of Quantity
+    runs : tuple of KnownRun
+        Runs in the order of measurement.
+    reference : str
+        Label of the run used as reference.
+    changes : tuple of Change
+        All tests, run by run, the least probable of each run first.
+    notes : tuple of str
+        Restrictions of the comparison, and exchanged drives.
+    common : dict of (str, str) to float
+        Common relative change of the friction of all axes, by the labels of a run and of the run
+        compared with.
+    rescaled : tuple of Rescaled
+        Axes with a common factor of all torques that explains the marked changes.
+    """
+
+    quantities: tuple[Quantity, ...]
+    runs: tuple[KnownRun, ...]
+    reference: str
+    changes: tuple[Change, ...]
+    notes: tuple[str, ...]
+    common: dict[tuple[str, str], float]
+    rescaled: tuple[Rescaled, ...]
+
+    @property
+    def robot(self) -> Robot:
+        """Robot of the runs."""
+        return self.runs[0].model.robot
+
+    @property
+    def marked(self) -> tuple[Change, ...]:
+        """Significant changes."""
+        return tuple(each for each in self.changes if each.marked)
+
+    def tests(self, run: KnownRun) -> tuple[Change, ...]:
+        """Return the tests of a run."""
+        return tuple(each for each in self.changes if each.run == run.label)
+
+    def sentences(self, run: KnownRun) -> tuple[str, ...]:
+        """Return sentences on significant changes, or on rescalings that explain the changes."""
+        exchanged = [each for each in self.rescaled if each.run == run.label]
+        explained = {each.against for each in exchanged}
+        others = (e.sentence for e in self.tests(run) if e.marked and e.against not in explained)
+        return (*(each.sentence for each in exchanged), *others)
+
+
+_OF_DRIVE = ("rotor_inertia_uncertainty", "torque_constant_uncertainty", "encoder_resolution")
+_OF_JOINT = (
+    "name", "q_min", "q_max", "velocity_limit", "acceleration_limit", "torque_limit", "capsule",
+    "torque_noise", "friction_wander",
+)  # fmt: skip
+_FREE_TO_DIFFER: dict[str, bool | dict[str, bool]] = {
+    **dict.fromkeys(_OF_JOINT, True),
+    "drive": dict.fromkeys(_OF_DRIVE, True),
+}
+"""Keys of a joint without influence on the parameters."""
+
+
+def read_history(
+    paths: Sequence[Path], reference: Path | None = None, least_wander: float = 0.0
+) -> History:
+    """Read the models of a machine's runs and compare all runs.
+
+    Parameters
+    ----------
+    paths : sequence of Path
+        Folders of identified runs, or models' files.
+    reference : Path, optional
+        Reference run, in `paths` or not; by default the first.
+    least_wander : float
+        Minimum relative change of friction attributed to temperature, even if a campaign showed
+        less.
+
+    Raises
+    ------
+    FileError
+        A run without a model, or a damaged one.
+    Mismatch
+        Runs of different robots, or the same run twice.
+    InvalidValue
+        A share that is not from 0 up to less than 1.
+    """
+    if not 0 <= least_wander < 1:
+        raise InvalidValue(
+            f"least wander {least_wander:g} must be from 0 up to less than 1: 0.05 stands for 5 %"
+        )
+    every, chosen = list(paths), None
+    if reference is not None:
+        same = [path for path in paths if path.resolve() == reference.resolve()]
+        every += () if same else (reference,)
+        chosen = str(same[0] if same else reference)
+    loaded = [(str(path), Model.load(path)) for path in every]
+    # refuse runs of different robots, and repeated runs
+    (label, first), seen = loaded[0], dict[bytes, str]()
+    for other, model in loaded:
+        if different := _difference(first.robot, model.robot):
+            raise Mismatch(
+                f"{other}: is not a run of the machine of {label}: the robot files differ in"
+                f" {different}; give runs of one machine, identified with the same robot file"
+            )
+        content = model.values.tobytes() + model.scatter_covariance.tobytes()
+        if content in seen:
+            raise Mismatch(f"{other}: is the same run as {seen[content]}; give each run once")
+        seen[content] = other
+    return history_of(loaded, chosen, least_wander)
+
+
+def history_of(
+    loaded: Sequence[tuple[str, Model]],
+    reference: str | None = None,
+    least_wander: float = 0.0,
+) -> History:
+    """Compare labelled models of a robot; parameters as in `read_history`."""
+    dated = all(model.provenance.measured for _, model in loaded)
+    in_time = sorted(loaded, key=lambda each: each[1].provenance.measured) if dated else loaded
+    found = quantities([model for _, model in in_time])
+    runs = tuple(
+        KnownRun(label, model, tuple(reading(model, each, least_wander) for each in found))
+        for label, model in in_time
+    )
+    first = next((run for run in runs if run.label == reference), runs[0])
+    notes: list[str] = []
+    changes: list[Change] = []
+    factors: list[Rescaled] = []
+    common: dict[tuple[str, str], float] = {}
+    if len(runs) == 1:
+        notes.append("one run alone cannot be compared; give two or more")
+    if not dated:
+        notes.append("some runs have no time of measurement: the order of the arguments is used")
+    if len(methods := sorted({run.model.method for run in runs})) > 1:
+        notes.append(
+            f"runs identified by different methods ({', '.join(methods)}): differences between "
+            "methods may appear as changes; identify all runs by one method: hil identify RUN "
+            f"--method {runs[0].model.method!r}"
+        )
+    if not all(run.model.friction_law.known for run in runs):
+        notes.append(
+            "some models hold no friction (earlier version, or few measurements); to compare "
+            "friction, identify these runs anew, or measure more"
+        )
+    for k, run in enumerate(runs):
+        # the reference and the previous run
+        before = [runs[k - 1]] if k and runs[k - 1] is not first else []
+        others = [each for each in (first, *before) if each is not run]
+        for other in others:
+            together = common_friction(found, run.readings, other.readings)
+            common[run.label, other.label] = together
+        tests = adjusted([
+            change(quantity, (run.label, new), (other.label, old), common[run.label, other.label])
+            for other in others
+            for quantity, new, old in zip(found, run.readings, other.readings, strict=True)
+            if new is not None and old is not None and new.stands_for == old.stands_for
+        ])  # fmt: skip
+        changes += tests
+        for other in others:
+            own = [each for each in tests if each.against == other.label]
+            if factor := rescaled(other.model, own):
+                factors.append(factor)
+        # exchanged drives, if both runs state the identities of their drives
+        last = others[-1] if others else run
+        drives = zip(run.model.provenance.drives, last.model.provenance.drives, strict=False)
+        notes += [
+            f"{run.label}: the drive of axis {axis} differs from that in {last.label}: {its}, "
+            f"before {then}"
+            for axis, (its, then) in enumerate(drives, start=1)
+            if its != then
+        ]
+    every = tuple(changes), tuple(notes), common, tuple(factors)
+    return History(found, runs, first.label, *every)
+
+
+def compare_causes(
+    before: Path, after: Sequence[Run], known: Sequence[str] = ()
+) -> tuple[Table | str, ...]:
+    """Test causes of a change between recordings; return findings and detectable sizes.
+
+    Parameters
+    ----------
+    before : Path
+        Folder of the earlier run, or a model's file in it.
+    after : sequence of Run
+        Later runs.
+    known : sequence of str
+        Known changes, such as a load; the test searches for further causes.
+
+    Raises
+    ------
+    FileError
+        A damaged recording.
+    """
+    before = before.parent if before.is_file() else before
+    if not (before / "run.json").exists():
+        return (f"causes of a change need recordings of both runs, and {before} holds none",)
+    earlier = Run.open(before)
+    if different := _difference(earlier.robot, after[0].robot):
+        return (
+            f"causes of a change are not tested: the robot file of {before} differs in {different}",
+        )
+    if any(same_recordings(earlier, each) for each in after):
+        return ()
+    proof = changed(earlier.robot, Pooled([earlier]), Pooled(after), known)
+    return excluded.change_by_cause(proof, earlier.robot.n_joints, str(before), known)
+
+
+def _difference(one: Robot, other: Robot) -> str:
+    """Return the keys of differences between robot files that affect parameters; empty for none."""
+    if one.digest == other.digest:
+        return ""
+    first, second = (
+        robot.file.model_dump(mode="json", exclude={"joints": {"__all__": _FREE_TO_DIFFER}})
+        for robot in (one, other)
+    )
+    return ", ".join(key for key in first if first[key] != second[key])
 
 
 def outcome(found: History) -> Outcome:
@@ -201,7 +453,7 @@ def _plots(found: History) -> Iterator[Plot]:
             )
 
 
-def time_chart(found: History, places: Sequence[int]) -> Chart:
+def time_chart(found: History, places: Sequence[int]) -> Iterator[Panel]:
     """Draw the quantities at `places`, one panel per quantity."""
     # days or hours; run numbers if a run has no date
     stamps = [run.measured for run in found.runs]
@@ -211,16 +463,14 @@ def time_chart(found: History, places: Sequence[int]) -> Chart:
         at, label = (seconds - seconds[0]) / 3600.0, "hours since the first run"
         if np.ptp(at) >= 48.0:
             at, label = at / 24.0, "days since the first run"
-    return chart(
-        Panel(
+    for place in places:
+        yield Panel(
             tuple(_readings(found, place, at)),
             title=found.quantities[place].title,
             x_label=label,
             y_label=unit(found.quantities[place].unit),
             height=105.0,
         )
-        for place in places
-    )
 
 
 def _readings(found: History, place: int, at: np.ndarray) -> Iterator[Points]:

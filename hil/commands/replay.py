@@ -7,12 +7,12 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from hil.show.charts.chart import MEASURED, MODEL, Chart, Line, Panel, Rule, chart
+from hil.show.charts.chart import MEASURED, MODEL, Line, Panel, Rule
 from hil.show.outcome import Outcome
 from hil.show.section import Plot
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping
+    from collections.abc import Iterator, Mapping
 
     from hil.runs.run import Run
     from hil.simulation.replay import Replay
@@ -45,33 +45,30 @@ def replay(run: Run, found: Replay, limits: Mapping[bool, float]) -> Outcome:
     )
 
 
-def positions(found: Replay) -> Chart:
+def positions(found: Replay) -> Iterator[Panel]:
     """Draw recorded and simulated positions of each axis in the recording of the largest error."""
-    return chart(_panel(found, axis) for axis in range(found.robot.n_joints))
-
-
-def _panel(found: Replay, axis: int, most: int = 700) -> Panel:
-    shown = max(found.recordings, key=lambda each: np.nanmax(np.abs(each.error[:, axis])))
-    every = slice(None, None, max(1, len(shown.time) // most))
-    time = shown.time[every]
-    unit, factor = found.unit(axis)
-    recorded, simulated, error = (
-        factor * x[every, axis] for x in (shown.recorded, shown.simulated, shown.error)
-    )
-    return Panel(
-        (
-            Line(time, recorded, MEASURED, "recorded"),
-            Line(time, simulated, MODEL, "simulated", "5 3"),
-        ),
-        title=f"axis {axis + 1}, {shown.measurement}",
-        x_label="time [s]",
-        y_label=f"position [{unit}]",
-        below=Panel(
-            (Rule(0.0), Line(time, error, MODEL, width=0.9)),
-            y_label=f"Δ [{unit}]",
-            height=42.0,
-        ),
-        width=357.0,
-        height=112.0,
-        recording=shown.measurement,
-    )
+    for axis in range(found.robot.n_joints):
+        shown = max(found.recordings, key=lambda each: np.nanmax(np.abs(each.error[:, axis])))
+        every = slice(None, None, max(1, len(shown.time) // 700))
+        time = shown.time[every]
+        unit, factor = found.unit(axis)
+        recorded, simulated, error = (
+            factor * x[every, axis] for x in (shown.recorded, shown.simulated, shown.error)
+        )
+        yield Panel(
+            (
+                Line(time, recorded, MEASURED, "recorded"),
+                Line(time, simulated, MODEL, "simulated", "5 3"),
+            ),
+            title=f"axis {axis + 1}, {shown.measurement}",
+            x_label="time [s]",
+            y_label=f"position [{unit}]",
+            below=Panel(
+                (Rule(0.0), Line(time, error, MODEL, width=0.9)),
+                y_label=f"Δ [{unit}]",
+                height=42.0,
+            ),
+            width=357.0,
+            height=112.0,
+            recording=shown.measurement,
+        )

@@ -1,4 +1,9 @@
-"""Plots of measured and predicted torques, and the recordings for playback on a page."""
+"""Plots of measured and predicted torques, and the recordings for playback on a page.
+
+The picture of the arm, capsules in an oblique parallel projection from above, needs no scripts and
+can be printed; `hil.view` draws the same capsules in three dimensions. Links are drawn from the
+farthest to the nearest.
+"""
 
 from __future__ import annotations
 
@@ -6,22 +11,28 @@ import os
 from typing import TYPE_CHECKING
 
 import numpy as np
+from markupsafe import Markup
 
+from hil.model.capsules import capsules, segments
 from hil.planning.workspace import Workspace, narrow_ranges
 from hil.runs.pooling import recorded
-from hil.show.charts.arm import arm
-from hil.show.charts.chart import MEASURED, MODEL, Band, Chart, Line, Panel, Rule, chart
-from hil.show.deflated import deflate
+from hil.show.charts.chart import MEASURED, MODEL, Band, Line, Panel, Rule
+from hil.show.charts.svg import number, text
+from hil.show.html import deflate
 from hil.show.outcome import Played
 from hil.show.rounding import when
 from hil.show.section import Plot
-from hil.view.along_motion import concatenate_recordings, join_predictions
+from hil.view.along_motion import (
+    concatenate_recordings,
+    join_predictions,
+    most_demanding,
+    stretches,
+)
 from hil.view.page import view_script
 from hil.view.scene import Scene
-from hil.view.stretches import most_demanding, stretches
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping, Sequence
+    from collections.abc import Iterator, Mapping, Sequence
     from pathlib import Path
 
     from hil.arrays import Array
@@ -32,6 +43,60 @@ if TYPE_CHECKING:
     from hil.runs.recording import Recording
     from hil.runs.run import Run
     from hil.view.along_motion import Shown
+
+
+SEEN_FROM = (1.0, -1.1, 0.7)
+"""Initial viewpoint of the page of `hil view`: forward, right, up."""
+WIDTH, HEIGHT, MARGIN = 330.0, 270.0, 12.0
+
+
+def arm(robot: Robot, recording: Recording) -> Markup:
+    """Draw a robot at the first known configuration of a recording, with axis numbers."""
+    known = recording.q[np.isfinite(recording.q).all(axis=1)]
+    ends = segments(robot, known[:1] if len(known) else np.zeros((1, robot.n_joints)))[0]
+    radii = capsules(robot).radii
+    view = _view(robot.gravity)
+    seen = ends @ view.T
+    low = (seen[..., :2] - radii[:, np.newaxis, np.newaxis]).min(axis=(0, 1))
+    high = (seen[..., :2] + radii[:, np.newaxis, np.newaxis]).max(axis=(0, 1))
+    room = np.array([WIDTH, HEIGHT]) - 2 * MARGIN
+    scale = float((room / np.maximum(high - low, 1e-9)).min())
+    at = MARGIN + (room - scale * (high - low)) / 2 + scale * (seen[..., :2] - low)
+    at[..., 1] = HEIGHT - at[..., 1]
+    farthest_first = np.argsort(seen[..., 2].mean(axis=1), kind="stable")
+    drawn = "".join(_link(at[link], scale * radii[link]) for link in farthest_first)
+    numbers = "".join(
+        text(float(x), float(y), str(axis), "middle joint")
+        for axis, (x, y) in enumerate(at[:, 0], start=1)
+    )
+    box = f"0 0 {number(WIDTH)} {number(HEIGHT)}"
+    return Markup(f'<svg viewBox="{box}">{drawn}{numbers}</svg>')  # noqa: S704 - numbers alone
+
+
+def _view(gravity: Array) -> Array:
+    """Return unit vectors right, up and toward the viewer in the base frame, as rows (3, 3)."""
+    strength = float(np.linalg.norm(gravity))
+    up = -gravity / strength if strength else np.array([0.0, 0.0, 1.0])
+    # smallest rotation from z to up
+    first = np.array([1.0, 0.0, 0.0]) if abs(up[0]) < 0.9 else np.array([0.0, 1.0, 0.0])
+    x = first - up * (first @ up)
+    frame = np.array([x / np.linalg.norm(x), np.cross(up, x / np.linalg.norm(x)), up])
+    toward = np.array(SEEN_FROM) @ frame
+    toward /= np.linalg.norm(toward)
+    right = np.cross(up, toward)
+    right /= np.linalg.norm(right)
+    return np.array([right, np.cross(toward, right), toward])
+
+
+def _link(ends: Array, radius: float) -> str:
+    """Draw a capsule with rim and highlight."""
+    path = "M{} {}L{} {}".format(*map(number, ends.ravel().tolist()))
+    layers = (("rim", radius + 1.0), ("link", radius), ("lit", 0.55 * radius))
+    return "".join(
+        f'<path class="{kind}" stroke-width="{number(2 * width)}" d="{path}"/>'
+        for kind, width in layers
+    )
+
 
 EACH = 400
 """Mean number of drawn instants of a recording: one per pixel of a dialog."""
@@ -64,7 +129,7 @@ def played(model: Model, runs: Sequence[Run], words: str = "") -> Played:
         "recording with large torques.",
     )
     robot = model.robot
-    picture = arm(robot, first_pose(robot, shown[0].recording))
+    picture = arm(robot, shown[0].recording)
     return Played((plot,), packed_recordings(robot, shown), view_script(), picture)
 
 
@@ -77,38 +142,35 @@ def model_and_run(path: Path, model: Model, folder: Path) -> dict[str, str]:
     }
 
 
-def torque_chart(shown: Sequence[PredictedTorque], robot: Robot) -> Chart:
+def torque_chart(shown: Sequence[PredictedTorque], robot: Robot) -> Iterator[Panel]:
     """Draw measured and predicted torque with interval for each axis, residuals below."""
-    return chart(_torque(each, robot) for each in shown)
-
-
-def _torque(each: PredictedTorque, robot: Robot) -> Panel:
-    unit, t, half = robot.torque_unit(each.axis), each.time, each.half
-    low, high = each.predicted - half, each.predicted + half
-    around = np.where(np.isfinite(low), half, np.nan)
-    return Panel(
-        (
-            Band(t, low, high, label="95 % interval"),
-            Line(t, each.measured, MEASURED, "measured"),
-            Line(t, each.predicted, MODEL, "predicted", "5 3"),
-        ),
-        title=f"axis {each.axis + 1}, {each.measurement}",
-        x_label="time [s]",
-        y_label=f"{'torque' if robot.revolute[each.axis] else 'force'} [{unit}]",
-        below=Panel(
+    for each in shown:
+        unit, t, half = robot.torque_unit(each.axis), each.time, each.half
+        low, high = each.predicted - half, each.predicted + half
+        around = np.where(np.isfinite(low), half, np.nan)
+        yield Panel(
             (
-                Band(t, -around, around),
-                Rule(0.0),
-                Line(t, each.residual, MEASURED, width=0.9),
+                Band(t, low, high, label="95 % interval"),
+                Line(t, each.measured, MEASURED, "measured"),
+                Line(t, each.predicted, MODEL, "predicted", "5 3"),
             ),
-            y_label=f"Δ [{unit}]",
-            height=42.0,
-        ),
-        width=357.0,
-        height=112.0,
-        recording=each.measurement,
-        axis=each.axis,
-    )
+            title=f"axis {each.axis + 1}, {each.measurement}",
+            x_label="time [s]",
+            y_label=f"{'torque' if robot.revolute[each.axis] else 'force'} [{unit}]",
+            below=Panel(
+                (
+                    Band(t, -around, around),
+                    Rule(0.0),
+                    Line(t, each.residual, MEASURED, width=0.9),
+                ),
+                y_label=f"Δ [{unit}]",
+                height=42.0,
+            ),
+            width=357.0,
+            height=112.0,
+            recording=each.measurement,
+            axis=each.axis,
+        )
 
 
 def packed_recordings(
@@ -129,12 +191,6 @@ def packed_recordings(
         predicted=tracks.predicted,
     )
     return deflate(scene.data() | {"parameters": dict(parameters or {})})
-
-
-def first_pose(robot: Robot, recording: Recording) -> Array:
-    """Return the first configuration of a recording; zeros if unknown."""
-    there = recording.q[np.isfinite(recording.q).all(axis=1)]
-    return there[0] if len(there) else np.zeros(robot.n_joints)
 
 
 def _limited(robot: Robot, shown: Sequence[Shown]) -> Robot:

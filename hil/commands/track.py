@@ -20,17 +20,17 @@ from hil.commands.torques import model_and_run, played
 from hil.errors import NotEnoughData
 from hil.planning.trajectory import Trajectory
 from hil.results.model import Model
-from hil.runs.atomic_file import write_file
+from hil.results.provenance import KeptResult
 from hil.runs.run import Run
 from hil.runs.set_points import path_time
-from hil.show.charts.chart import GREEN, MUTED, PURPLE, Chart, Line, Panel, chart
+from hil.show.charts.chart import GREEN, MUTED, PURPLE, Line, Panel
 from hil.show.outcome import Outcome, Verdict
 from hil.show.rounding import significant
 from hil.show.section import Plot
 from hil.show.table import Part, Table, figures, table
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping
+    from collections.abc import Iterator, Mapping
 
     from hil.arrays import Array
     from hil.runs.recording import Recording
@@ -66,7 +66,7 @@ class AxisErrors(FileModel):
     peak: dict[str, float]
 
 
-class Tracking(FileModel):
+class Tracking(KeptResult):
     """Following errors of all axes.
 
     Attributes
@@ -80,6 +80,7 @@ class Tracking(FileModel):
     axes : tuple of AxisErrors
     """
 
+    names = (NAME,)
     robot_digest: str
     plan_digest: str
     model: str
@@ -241,7 +242,7 @@ def track(folder: Path, model: str, delay: float) -> Outcome:
     """
     runs = {name: Run.open(folder / name) for name in PASSES}
     found = tracked(runs, model, delay)
-    write_file(folder / NAME, found.encode_yaml())
+    found.write(folder)
     plot = Plot(
         "errors",
         partial(error_chart, runs, delay),
@@ -263,7 +264,7 @@ def track(folder: Path, model: str, delay: float) -> Outcome:
     )
 
 
-def error_chart(runs: Mapping[str, Run], delay: float) -> Chart:
+def error_chart(runs: Mapping[str, Run], delay: float) -> Iterator[Panel]:
     """Draw following errors over the first period, and below only those with feed-forward.
 
     Parameters
@@ -283,8 +284,8 @@ def error_chart(runs: Mapping[str, Run], delay: float) -> Chart:
         label, colour = PASS_LINES[name]
         for axis, own in enumerate(lines):
             own[name] = Line(time[shown], 1e3 * error[shown, axis], colour, label)
-    return chart(
-        Panel(
+    for axis, own in enumerate(lines, start=1):
+        yield Panel(
             tuple(own.values()),
             title=f"axis {axis}",
             x_label="time [s]",
@@ -293,5 +294,3 @@ def error_chart(runs: Mapping[str, Run], delay: float) -> Chart:
             width=357.0,
             height=110.0,
         )
-        for axis, own in enumerate(lines, start=1)
-    )

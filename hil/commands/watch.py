@@ -12,7 +12,7 @@ from hil.commands.torques import model_and_run, played
 from hil.results.model import Model
 from hil.runs.atomic_file import write_file
 from hil.runs.pooling import recorded
-from hil.show.charts.chart import MEASURED, MODEL, Band, Chart, Line, Panel, Rule, chart
+from hil.show.charts.chart import MEASURED, MODEL, Band, Line, Panel, Rule
 from hil.show.outcome import Outcome, Played
 from hil.show.rounding import clock, significant
 from hil.show.section import Plot
@@ -25,7 +25,7 @@ if TYPE_CHECKING:
     from hil.runs.run import Run
     from hil.show.charts.chart import Item
     from hil.show.table import Row
-    from hil.watching.trace import Trace, TraceStretch
+    from hil.watching.watcher import Trace, TraceStretch
 
 NAME, PAGE = "watch.yaml", "watch.html"
 
@@ -138,18 +138,16 @@ def _row(axis: Sight) -> Row:
     return (str(axis.axis), *cells, *(f"{100 * x:.1f}" for x in (axis.still, axis.blind, axis.dim)))
 
 
-def alarm_chart(trace: Trace, units: tuple[str, ...]) -> Chart:
+def alarm_chart(trace: Trace, units: tuple[str, ...]) -> Iterator[Panel]:
     """Draw torques around each axis's first alarm, or at the end of the watch."""
-    return chart(
-        Panel(
+    for axis, (stretch, unit) in enumerate(zip(trace.stretches(), units, strict=True), start=1):
+        yield Panel(
             tuple(_watched(stretch)),
             title=f"axis {axis}",
             x_label="time [s]",
             y_label=f"torque [{unit}]",
             width=357.0,
         )
-        for axis, (stretch, unit) in enumerate(zip(trace.stretches(), units, strict=True), start=1)
-    )
 
 
 def _watched(stretch: TraceStretch) -> Iterator[Item]:

@@ -17,6 +17,17 @@ given measurements, form one candidate.
 After inclusion of the strongest candidate all others are tested again: candidates similar to the
 included one lose significance. This is repeated until nothing is significant at `SIGNIFICANCE`,
 divided among all candidates (Bonferroni).
+
+A missing centre of mass shows as a phase shift of a gravity torque (the paper's Fig. 7). Gravity is
+linear in the sine and cosine of each joint angle, so the gravity torque of one axis over the angle
+of another is a sinusoid, determined by its values at three angles. A parameter missing in the robot
+file shifts the sinusoid. Every pair of axes is examined at the measured configuration with the
+largest stated sinusoid, and the pair with the largest shift is shown; among similar shifts the one
+with the weakest motor, whose friction hides least.
+
+A measurement at another configuration is transferred to the shown one: its value is the extended
+model there, plus its own residual of the extended model, less the mean residual of all
+measurements, which is direction-dependent friction.
 """
 
 from __future__ import annotations
@@ -27,6 +38,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 from scipy import special
 
+from checked_files.yaml_file import FileModel
 from hil.estimation.simultaneous import SimultaneousFit
 from hil.least_squares.solving import (
     eliminated,
@@ -36,9 +48,12 @@ from hil.least_squares.solving import (
 )
 from hil.least_squares.uncertainty import correlation_of, leave_one_out
 from hil.model.base_parameters import base_parameters
+from hil.model.dynamics import gravity_torque
 
 if TYPE_CHECKING:
     from hil.arrays import Array
+    from hil.estimation.estimate import Estimate
+    from hil.estimation.local_fits import LocalValue
     from hil.estimation.signals import Prepared
     from hil.model.robot import Robot
 
@@ -52,30 +67,29 @@ _SEEN = 1e-4
 _SAME = 1e-6
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class Candidate:
+class Candidate(FileModel):
     """Link parameters missing in the robot file, or a group of indistinguishable ones.
 
     Attributes
     ----------
     names : tuple of str
         Standard parameters, nearest to the base first.
-    direction : ndarray, shape (n_all,)
-        Change of all base parameters by one unit of the first name.
     value, standard_error : float
         Estimate for the first name, with no other candidate included [kg m^2, kg m or kg].
     t : float
         Ratio of value to standard error.
     p_value : float
         Probability of a ratio at least as large by chance.
+    beside : float, optional
+        t in a fit with all significant candidates; None for significant candidates.
     """
 
     names: tuple[str, ...]
-    direction: Array
     value: float
     standard_error: float
     t: float
     p_value: float
+    beside: float | None = None
 
     @property
     def label(self) -> str:
@@ -97,10 +111,10 @@ class ModelErrors:
         Candidates tested separately, strongest evidence first.
     found : tuple of Candidate
         Significant candidates, each tested with the preceding ones included.
-    after : tuple of Candidate
-        Remaining candidates, tested with all of `found` included, strongest first.
-    p, standard_error : ndarray, shape (n_base,)
+    p : ndarray, shape (n_base,)
         Stated parameters with `found` included.
+    p_all : ndarray, shape (n_all,)
+        Base parameters of `complete` with `found` included.
     p_values : ndarray, shape (n_base,)
         p-values of the stated parameters for the hypothesis zero.
     absorbed : tuple of str
@@ -115,21 +129,12 @@ class ModelErrors:
     stated: Array
     alone: tuple[Candidate, ...]
     found: tuple[Candidate, ...]
-    after: tuple[Candidate, ...]
     p: Array
-    standard_error: Array
+    p_all: Array
     p_values: Array
     absorbed: tuple[str, ...]
     unmeasured: tuple[str, ...]
     threshold: float
-
-    @property
-    def p_all(self) -> Array:
-        """Base parameters of `complete` with `found` included, shape (n_all,)."""
-        total: Array = self.stated @ self.p
-        for candidate in self.found:
-            total = total + candidate.direction * candidate.value
-        return total
 
 
 def examine(robot: Robot, prepared: Prepared) -> ModelErrors:
@@ -148,23 +153,22 @@ def examine(robot: Robot, prepared: Prepared) -> ModelErrors:
     # maximum number of included candidates
     while rest and rest[0].p_value < threshold and len(found) < 6:
         found.append(rest[0])
-        basis = np.column_stack([basis, rest[0].direction])
+        basis = np.column_stack([basis, candidates[rest[0].names]])
         taken = [candidate.names for candidate in found]
         left = {names: u for names, u in candidates.items() if names not in taken}
         rest = _tested(measured, basis, left)
     value, error, p_value = measured.solve(basis)
-    n = stated.shape[1]
+    n, beside = stated.shape[1], {each.names: each.t for each in rest} if found else {}
     return ModelErrors(
         complete=whole,
         stated=stated,
-        alone=tuple(alone),
+        alone=tuple(each.model_copy(update={"beside": beside.get(each.names)}) for each in alone),
         found=tuple(
-            _candidate(c.names, c.direction, *row)
-            for c, *row in zip(found, value[n:], error[n:], p_value[n:], strict=True)
+            _candidate(each.names, *row)
+            for each, *row in zip(found, value[n:], error[n:], p_value[n:], strict=True)
         ),
-        after=tuple(rest),
         p=value[:n],
-        standard_error=error[:n],
+        p_all=basis @ value,
         p_values=p_value[:n],
         absorbed=absorbed,
         unmeasured=unmeasured,
@@ -230,11 +234,138 @@ def _tested(
         own, whole = measured.information(basis, u[:, np.newaxis])
         if own[0, 0] > _SEEN * whole[0, 0]:
             value, error, p_value = measured.solve(np.column_stack([basis, u]))
-            tested.append(_candidate(names, u, value[-1], error[-1], p_value[-1]))
+            tested.append(_candidate(names, value[-1], error[-1], p_value[-1]))
     return sorted(tested, key=lambda candidate: (candidate.p_value, -abs(candidate.t)))
 
 
-def _candidate(
-    names: tuple[str, ...], u: Array, value: float, error: float, p_value: float
-) -> Candidate:
-    return Candidate(names, u, float(value), float(error), float(value / error), float(p_value))
+def _candidate(names: tuple[str, ...], value: float, error: float, p_value: float) -> Candidate:
+    figures = {"value": value, "standard_error": error, "t": value / error, "p_value": p_value}
+    return Candidate(names=names, **{name: float(each) for name, each in figures.items()})
+
+
+SEEN = 0.005
+"""Smallest relevant shift [rad]; below, a missing parameter acts by its inertia only."""
+
+
+class Sinusoid(NamedTuple):
+    """Sinusoid mean + cosine cos(angle) + sine sin(angle) [N m]."""
+
+    mean: float
+    cosine: float
+    sine: float
+
+    def evaluate(self, angle: Array) -> Array:
+        """Return the torque at angles [rad]."""
+        return self.mean + self.cosine * np.cos(angle) + self.sine * np.sin(angle)
+
+    @property
+    def amplitude(self) -> float:
+        """Amplitude [N m]."""
+        return float(np.hypot(self.cosine, self.sine))
+
+    def phase_against(self, other: Sinusoid) -> float:
+        """Return the phase lead over another sinusoid [rad], within +- pi."""
+        own, others = (complex(s.cosine, -s.sine) for s in (self, other))
+        return float(np.angle(own / others)) if others else 0.0
+
+
+class Phase(FileModel):
+    """Gravity torque over a joint angle: stated, extended and measured.
+
+    Attributes
+    ----------
+    axis, over : int
+        Axis of the torque, axis of the varied angle; from 1.
+    q : tuple of float
+        Configuration; the angle of `over` is varied [rad].
+    stated, extended : Sinusoid
+        Sinusoid of the robot file, and sinusoid with the missing parameters.
+    angle, torque : tuple of float
+        Measurements of the axis, transferred to configuration `q` [rad], [N m].
+    standard_error : tuple of float
+        Standard errors by the scatter within each measurement; None if unknown [N m].
+    """
+
+    axis: int
+    over: int
+    q: tuple[float, ...]
+    stated: Sinusoid
+    extended: Sinusoid
+    angle: tuple[float, ...]
+    torque: tuple[float, ...]
+    standard_error: tuple[float | None, ...]
+
+    @property
+    def shift(self) -> float:
+        """Phase of the extended sinusoid less that of the stated one [rad]."""
+        return self.extended.phase_against(self.stated)
+
+
+def shifted_most(best: Estimate, errors: ModelErrors, torque_limit: Array) -> Phase | None:
+    """Find the pair of axes with the largest phase shift; None without a gravity effect."""
+    local = [value for value in best.local if value.symbol == "g"]
+    largest = [
+        # the measurement with the largest stated sinusoid over the angle, and both sinusoids
+        max(
+            ((v, over, *_sinusoids(errors, v.q, v.axis, over)) for v in local if v.axis == axis),
+            key=lambda each: each[2].amplitude,
+        )
+        for axis in {value.axis for value in local}
+        for over in range(errors.complete.n_joints)
+        if over != axis
+    ]
+    # smallest usable amplitude for a phase [N m]
+    clear = [each for each in largest if each[2].amplitude > 0.5] or largest
+    shifts = [abs(extended.phase_against(stated)) for *_, stated, extended in clear]
+    if max(shifts, default=0.0) < SEEN:
+        return None
+    # smallest share of the largest shift among similar shifts
+    alike = [each for each, s in zip(clear, shifts, strict=True) if s >= 0.8 * max(shifts)]
+    value, over, stated, extended = min(alike, key=lambda each: torque_limit[each[0].axis])
+    own = [v for v in local if v.axis == value.axis]
+    return Phase(
+        axis=value.axis + 1,
+        over=over + 1,
+        q=tuple(value.q.tolist()),
+        stated=stated,
+        extended=extended,
+        angle=tuple(float(v.q[over]) for v in own),
+        torque=tuple(_brought(errors, own, value.q, over).tolist()),
+        standard_error=tuple(
+            None if np.isnan(v.standard_error) else float(v.standard_error) for v in own
+        ),
+    )
+
+
+def _sinusoids(errors: ModelErrors, q: Array, axis: int, over: int) -> tuple[Sinusoid, Sinusoid]:
+    """Return stated and extended torque of an axis over a single angle at `q`."""
+    turned = np.tile(q, (3, 1))
+    turned[:, over] = [0.0, np.pi / 2, np.pi]
+    found = []
+    for p in models(errors):
+        zero, quarter, half = _torque(errors, turned, axis, p)
+        mean = (zero + half) / 2
+        found.append(Sinusoid(float(mean), float((zero - half) / 2), float(quarter - mean)))
+    return found[0], found[1]
+
+
+def _brought(errors: ModelErrors, values: list[LocalValue], q: Array, over: int) -> Array:
+    """Return measured torques transferred to `q`: extended model plus centred residuals."""
+    stated, extended = models(errors)
+    axis = values[0].axis
+    there = np.array([value.q for value in values])
+    here = np.tile(q, (len(values), 1))
+    here[:, over] = there[:, over]
+    left = np.array([value.value - value.model for value in values])
+    left = left - _torque(errors, there, axis, extended - stated)
+    torque: Array = _torque(errors, here, axis, extended) + left - left.mean()
+    return torque
+
+
+def models(errors: ModelErrors) -> tuple[Array, Array]:
+    """Return base parameters of the complete robot: as stated, and with missing parameters."""
+    return errors.stated @ errors.p, errors.p_all
+
+
+def _torque(errors: ModelErrors, q: Array, axis: int, p: Array) -> Array:
+    return gravity_torque(errors.complete, p, q)[:, axis]

@@ -29,8 +29,7 @@ import numpy as np
 from hil.friction.equation import COMMON, FEWEST, LOAD
 from hil.least_squares.blocks import Blocks
 from hil.least_squares.solving import eliminated
-from hil.least_squares.thinned import window_means
-from hil.least_squares.window import APART, rounding_window
+from hil.least_squares.window import APART, rounding_window, window_means
 from hil.model.base_parameters import base_parameters
 from hil.model.dynamics import regressors
 from hil.model.motors import motor_torque

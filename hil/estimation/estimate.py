@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from hil.estimation.drive_train import DriveTrain, LoadFriction
     from hil.estimation.free_motion.result import GainValue
     from hil.estimation.intervals import Edge
-    from hil.estimation.local_values import LocalValue
+    from hil.estimation.local_fits import LocalValue
     from hil.estimation.simultaneous import Joint
     from hil.friction.law import FrictionLaw
 

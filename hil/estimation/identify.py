@@ -1,7 +1,7 @@
 """Select the identification method by name, or by the kinds of the recordings.
 
 Two-step methods take measurements (`two_step_methods`), the others imported motions
-(`free_motion_methods`, `back_and_forth_method`).
+(`free_motion_methods`).
 """
 
 from __future__ import annotations
@@ -30,37 +30,29 @@ if TYPE_CHECKING:
     Identify = Callable[[Robot, Recorded, Options], Estimate]
 
 
-def _free_motion(name: str) -> Identify:
+JOINT = "joint"
+"""Name of the method for recordings of several kinds."""
+
+
+def _import_method(name: str) -> Identify:
     def identify(robot: Robot, recorded: Recorded, options: Options) -> Estimate:
         # spectra and filters take half a second to import, and measurements do not use them
-        from hil.estimation.free_motion_methods import fit_free_motions  # noqa: PLC0415
+        from hil.estimation import free_motion_methods as methods  # noqa: PLC0415
 
-        return fit_free_motions(robot, recorded, name, options)
+        if name == JOINT:
+            return methods.fit_joint(robot, recorded, options)
+        if name == BACK_AND_FORTH:
+            # friction is estimated without a law, and gears are rigid
+            return methods.fit_back_and_forth(robot, recorded, options.covariance)
+        return methods.fit_free_motions(robot, recorded, name, options)
 
     return identify
 
 
-def _joint(robot: Robot, recorded: Recorded, options: Options) -> Estimate:
-    from hil.estimation.mixed import fit_joint  # noqa: PLC0415 - slow import
-
-    return fit_joint(robot, recorded, options)
-
-
-def _back_and_forth(robot: Robot, recorded: Recorded, options: Options) -> Estimate:
-    from hil.estimation.back_and_forth_method import fit_back_and_forth  # noqa: PLC0415 - slow import
-
-    # friction is estimated without a law, and gears are rigid
-    return fit_back_and_forth(robot, recorded, options.covariance)
-
-
-JOINT = "joint"
-"""Name of the method for recordings of several kinds."""
 METHODS: dict[str, Identify] = {
     "improved": fit_improved,
     "published": fit_published,
-    JOINT: _joint,
-    BACK_AND_FORTH: _back_and_forth,
-    **{name: _free_motion(name) for name in VARIANTS},
+    **{name: _import_method(name) for name in (JOINT, BACK_AND_FORTH, *VARIANTS)},
 }
 """Methods by name: two-step methods, the method for recordings of several kinds, and methods for
 imported motions."""

@@ -27,8 +27,7 @@ from scipy import special
 from hil.friction.equation import place
 from hil.friction.ripple import RIPPLE_ORDERS, multiples
 from hil.least_squares.solving import orthonormal, project_out
-from hil.least_squares.thinned import smooth_at
-from hil.least_squares.window import half_window
+from hil.least_squares.window import half_window, smooth_at
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray

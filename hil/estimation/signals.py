@@ -201,51 +201,42 @@ def signals(recording: Recording) -> Signals:
         All samples are missing.
     """
     if recording not in _KEPT:
-        _KEPT[recording] = _signals(recording)
+        sampled = recording.fresh
+        # sampling period covering most of a motion [s]; if drives update values less often than
+        # SYNC, the period is the time between updates
+        fresh = recording.time[sampled]
+        apart = np.diff(fresh)
+        regular = float(np.median(np.diff(recording.time)))
+        longer = apart[apart > 1.5 * regular]  # 1.5: at least one sample is missing
+        period = float(np.median(longer)) if longer.sum() > apart.sum() / 2 else regular
+        index = np.rint((recording.time - recording.time[0]) / period).astype(int)
+        n = int(index[-1]) + 1
+        time = recording.time[0] + period * np.arange(n)
+        missing = np.ones(n, dtype=bool)
+        if not sampled.any():
+            raise NotEnoughData("no usable sample; repeat the measurement")
+        missing[index[sampled]] = False
+        q = _interpolate_columns(time, recording.time[sampled], recording.q[sampled])
+        tau = _interpolate_columns(time, recording.time[sampled], recording.tau[sampled])
+        nearest = np.searchsorted(index, np.arange(n), side="right") - 1
+        ends = np.zeros(n, dtype=bool)
+        ends[[0, -1]] = True
+        spoilt = widen(missing | ends, _reach(period))
+        qd, qdd = derivatives(q, period)
+        _KEPT[recording] = Signals(
+            period=period,
+            time=time,
+            q=q,
+            qd=qd,
+            qdd=qdd,
+            tau=tau,
+            stroke=recording.stroke[nearest],
+            partner_stroke=recording.partner_stroke[nearest],
+            valid=~spoilt,
+            group=None if recording.group is None else recording.group[nearest],
+            resolution=np.array([_least_difference(own) for own in recording.q[sampled].T]),
+        )
     return _KEPT[recording]
-
-
-def _signals(recording: Recording) -> Signals:
-    sampled = recording.fresh
-    period = _period(recording.time, recording.time[sampled])
-    index = np.rint((recording.time - recording.time[0]) / period).astype(int)
-    n = int(index[-1]) + 1
-    time = recording.time[0] + period * np.arange(n)
-    missing = np.ones(n, dtype=bool)
-    if not sampled.any():
-        raise NotEnoughData("no usable sample; repeat the measurement")
-    missing[index[sampled]] = False
-    q = _interpolate_columns(time, recording.time[sampled], recording.q[sampled])
-    tau = _interpolate_columns(time, recording.time[sampled], recording.tau[sampled])
-    nearest = np.searchsorted(index, np.arange(n), side="right") - 1
-    ends = np.zeros(n, dtype=bool)
-    ends[[0, -1]] = True
-    spoilt = widen(missing | ends, _reach(period))
-    qd, qdd = derivatives(q, period)
-    return Signals(
-        period=period,
-        time=time,
-        q=q,
-        qd=qd,
-        qdd=qdd,
-        tau=tau,
-        stroke=recording.stroke[nearest],
-        partner_stroke=recording.partner_stroke[nearest],
-        valid=~spoilt,
-        group=None if recording.group is None else recording.group[nearest],
-        resolution=np.array([_least_difference(own) for own in recording.q[sampled].T]),
-    )
-
-
-def _period(time: Array, fresh: Array) -> float:
-    """Return the sampling period covering most of a motion [s].
-
-    If drives update values less often than SYNC, the period is the time between updates.
-    """
-    apart = np.diff(fresh)
-    regular = float(np.median(np.diff(time)))
-    longer = apart[apart > 1.5 * regular]  # 1.5: at least one sample is missing
-    return float(np.median(longer)) if longer.sum() > apart.sum() / 2 else regular
 
 
 def _least_difference(q: Array) -> float:

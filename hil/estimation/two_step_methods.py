@@ -1,7 +1,7 @@
 """Identify base parameters from measurements by a two-step method.
 
 published
-    Section 6.1 of the paper (`two_step`): weighted least squares for p_g, then for p_Md with
+    Section 6.1 of the paper: weighted least squares for p_g, then for p_Md with
     p_g compensated, then for p_Mod.
 improved
     The condensed measurements of all kinds are summed and solved for all groups at once
@@ -16,6 +16,16 @@ parameter, its standard error is itself uncertain, with fewer degrees of freedom
 
 Two errors are never visible in the data: those of the torque constants and of the rotor inertias.
 If the robot file states their uncertainty, it is propagated to the parameters.
+
+The published method follows eq. (14)-(18): gravity measurements give p_g. The moments of inertia,
+less the contributions of p_g (and of the gravity torque during the measurement), give p_Md. The
+coupling inertias, less the contributions of p_g and p_Md, give p_Mod. Each row is weighted with the
+reciprocal of its axis's largest torque, eq. (16).
+
+The whole chain is linear in the measured values, which is used twice: to leave a measurement out,
+and to compute the effect of an error of a torque constant or of a rotor inertia.
+
+Measurements must identify every base parameter before an estimate is accepted.
 """
 
 from __future__ import annotations
@@ -30,32 +40,168 @@ from hil.estimation.campaign_friction import campaign_friction
 from hil.estimation.drive_train import CERTAIN, find_drive_train
 from hil.estimation.estimate import Estimate, LeftOut
 from hil.estimation.free_motion.variants import DEFAULT
-from hil.estimation.friction.history import history
-from hil.estimation.identifiability import conditions, require_all_groups, require_rank
+from hil.estimation.friction.points import history
 from hil.estimation.local_fits import ELSEWHERE, believed_fit, local_fit
 from hil.estimation.options import DEFAULTS, NUISANCES, Options
 from hil.estimation.signals import signals
 from hil.estimation.simultaneous import Joint, SimultaneousFit
-from hil.estimation.two_step import TwoStep
 from hil.friction.equation import place
 from hil.friction.law import FrictionLaw
 from hil.least_squares.balance import Kind, balance, propagate
+from hil.least_squares.solving import IDENTIFIABLE, fitted, undetermined, undetermined_beside
 from hil.least_squares.uncertainty import effective_degrees, jackknife
 from hil.model.base_parameters import base_parameters
+from hil.model.dependencies import GROUPS
 from hil.planning.free_motion import FreeMotion
-from hil.planning.measurement import shows_element, shows_parameters
+from hil.planning.measurement import ELEMENT_KINDS, shows_element, shows_parameters
+from hil.planning.prediction.identifiability import eliminate_others
 
 if TYPE_CHECKING:
     from collections.abc import Collection, Sequence
 
-    from hil.arrays import Array
+    from hil.arrays import Array, Mask
     from hil.estimation.drive_train import DriveTrain
-    from hil.estimation.local_values import LocalFit, LocalValue
+    from hil.estimation.local_fits import LocalFit, LocalValue
     from hil.estimation.signals import Prepared, Signals
-    from hil.least_squares.regression import Fit
+    from hil.least_squares.regression import Fit, Regression
     from hil.model.robot import Robot
     from hil.planning.measurement import ParameterMotion
     from hil.runs.recording import Recorded
+
+
+BOUND = f"the condition number of their scaled columns exceeds {IDENTIFIABLE**-0.5:.0e}"
+"""Reason for parameters not being identified."""
+
+
+def conditions(
+    robot: Robot, fits: Sequence[LocalFit], *, together: bool = True
+) -> dict[str, float]:
+    """Return the condition number of every measured group; infinite for a rank defect.
+
+    Gravity parameters not determined by gravity alone are judged with the elements of M(q), unless
+    `together` is False.
+    """
+    base = base_parameters(robot)
+    condition: dict[str, float] = {}
+    for group in GROUPS:
+        columns = list(base.groups[group])
+        rows = _rows(robot, fits, group)
+        if not (columns and len(rows)):
+            continue
+        hidden = together and base.dependencies.hidden[columns].any()
+        N, size = rows.T @ rows, None
+        if hidden:
+            # gravity elements of an axis are one kind, elements of M(q) the other
+            axes = [f.axis if ELEMENT_KINDS[f.kind].symbol == "g" else -1 for f in fits]
+            every = np.array([f.row / robot.torque_limit[f.axis] for f in fits])
+            N, size = eliminate_others(every, np.array(axes), columns)
+        lost = undetermined(N, IDENTIFIABLE, size).any()
+        condition[group] = np.inf if lost else float(np.sqrt(np.linalg.cond(N)))
+    return condition
+
+
+def _rows(robot: Robot, fits: Sequence[LocalFit], group: str) -> Array:
+    """Return the observation matrix of a group, rows weighted by eq. (16)."""
+    columns = list(base_parameters(robot).groups[group])
+    kinds = _kinds(group)
+    rows = [f.row[columns] / robot.torque_limit[f.axis] for f in fits if f.kind in kinds]
+    return np.array(rows).reshape(len(rows), len(columns))
+
+
+def _kinds(group: str) -> list[str]:
+    return [name for name, kind in ELEMENT_KINDS.items() if kind.group == group]
+
+
+def require_all_groups(robot: Robot, fits: Sequence[LocalFit], condition: dict[str, float]) -> None:
+    """Raise an error for groups not identified by the corresponding measurements.
+
+    Raises
+    ------
+    NotIdentifiable
+    """
+    base = base_parameters(robot)
+    for group in GROUPS:
+        columns = base.groups[group]
+        if columns and not np.isfinite(condition.get(group, np.inf)):
+            names, found = ", ".join(base.names[c] for c in columns), len(_rows(robot, fits, group))
+            why = "" if found < len(columns) else f": {BOUND}"
+            raise NotIdentifiable(
+                f"{found} usable {' and '.join(_kinds(group))} measurements do not identify "
+                f"{names}{why}; measure more configurations of this kind (see: hil dry-run), or "
+                "finish the run with --resume"
+            )
+
+
+def require_rank(robot: Robot, regression: Regression, what: str) -> None:
+    """Raise an error for base parameters not determined by the recordings together.
+
+    Parameters
+    ----------
+    regression : Regression
+        Regression with the base parameters as first unknowns.
+    what : str
+        Description of the recordings for the message.
+
+    Raises
+    ------
+    NotIdentifiable
+    """
+    names = base_parameters(robot).names
+    lost = undetermined_beside(regression.normal.information, len(names))
+    if lost.any():
+        listed = ", ".join(name for name, each in zip(names, lost, strict=True) if each)
+        raise NotIdentifiable(
+            f"{what} do not identify {listed}: {BOUND}; measure more configurations (see: hil"
+            " dry-run), or finish the run with --resume"
+        )
+
+
+class TwoStep:
+    """Published step 2, over the local fits of step 1."""
+
+    def __init__(self, robot: Robot, local: Sequence[LocalFit]) -> None:
+        self._groups = base_parameters(robot).groups
+        self._n_base = len(base_parameters(robot))
+        self._n_joints = robot.n_joints
+        self._group = np.array([ELEMENT_KINDS[f.kind].group for f in local])
+        self._axis = np.array([f.axis for f in local])
+        self._weight = 1.0 / robot.torque_limit[self._axis]
+        self._rows = np.array([f.row + f.sides[2:] for f in local])
+        self._torque = np.array([f.sides[0] for f in local])
+        self._motor = np.array([f.sides[1] for f in local])
+
+    @property
+    def n_measurements(self) -> int:
+        """Number of measurements."""
+        return len(self._group)
+
+    def solve(self, without: int | None = None) -> Array:
+        """Return the base parameters, shape (n_base,), optionally without a measurement."""
+        used = np.ones(self.n_measurements, dtype=bool)
+        if without is not None:
+            used[without] = False
+        return self._chain(self._torque - self._motor, used)
+
+    def sensitivity(self) -> Array:
+        """Return the change of p per relative change of torque constants, then rotor inertias."""
+        everything = np.ones(self.n_measurements, dtype=bool)
+        axes = range(self._n_joints)
+        of_constants = [self._chain(self._torque * (self._axis == j), everything) for j in axes]
+        of_rotors = [self._chain(-self._motor * (self._axis == j), everything) for j in axes]
+        return np.array([*of_constants, *of_rotors]).T
+
+    def _chain(self, values: Array, used: Mask) -> Array:
+        """Fit the groups successively, less the contributions of preceding groups."""
+        p = np.zeros(self._n_base)
+        for group in GROUPS:
+            columns = list(self._groups[group])
+            if columns:
+                rows = used & (self._group == group)
+                weight = self._weight[rows]
+                C = weight * (values[rows] - self._rows[rows] @ p)
+                W = weight[:, np.newaxis] * self._rows[np.ix_(rows, columns)]
+                p[columns] = fitted(W, C)
+        return p
 
 
 def fit_improved(robot: Robot, recorded: Recorded, options: Options = DEFAULTS) -> Estimate:

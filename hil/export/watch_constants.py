@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from hil.results.watch import LEARNING
-from hil.watching import detector, friction, scatter, turning
+from hil.watching import detector, friction
 from hil.watching.detector import Detector
 from hil.watching.watcher import OVER
 
@@ -81,23 +81,23 @@ def constants(model: Model, found: Watched) -> dict[str, Constant]:
         "lasting": (detector.LASTING, "s", "duration from which a deviation is learned"),
         "sure": (detector.SURE, "1", "largest doubt of samples for learning"),
         "rest": (turn.n_still, "", "samples within the shortest distance for a standstill"),
-        "n_distances": (len(turning.DISTANCES), "", "number of presliding distances"),
-        "distances": (turning.DISTANCES, "rad or m", "presliding distances"),
+        "n_distances": (len(friction.DISTANCES), "", "number of presliding distances"),
+        "distances": (friction.DISTANCES, "rad or m", "presliding distances"),
         "free": (~turn.known * 1.0, "", "1 for axes with a distance to be found"),
         "first_taken": (turn.taken, "", "first presliding distance of each axis, from 0"),
-        "turning": (turning.TURNING, "1", "difference of directions in a reversal"),
-        "damping_doubt": (turning.DAMPING_DOUBT, "1", "relative uncertainty of the damping"),
-        "unclear": (turning.UNKNOWN, "1", "doubt about an unknown direction"),
-        "enough_seen": (float(turning.ENOUGH), "", "samples in reversals for a distance"),
+        "turning": (friction.TURNING, "1", "difference of directions in a reversal"),
+        "damping_doubt": (friction.DAMPING_DOUBT, "1", "relative uncertainty of the damping"),
+        "unclear": (friction.UNKNOWN, "1", "doubt about an unknown direction"),
+        "enough_seen": (float(friction.ENOUGH), "", "samples in reversals for a distance"),
         "n_windows": (len(windows), "", "number of windows"),
         "windows": (windows, "samples", "lengths of the windows"),
         "longest": (int(windows[-1]), "samples", "longest window"),
         "sigmas": (detector.SIGMAS, "1", "threshold in standard deviations of the scatter"),
         "visible": (detector.VISIBLE, shares, "largest threshold"),
         "blind": (BLIND, shares, "threshold where no push is visible"),
-        "allowance": (scatter.SURE, "1", "allowance for few squares, in standard deviations"),
-        "enough": (scatter.ENOUGH / period, "samples", "motion for a valid scatter"),
-        "most": (scatter.MEMORY / period, "samples", "averaging time of the scatter"),
+        "allowance": (detector.CERTAIN, "1", "allowance for few squares, in standard deviations"),
+        "enough": (detector.ENOUGH / period, "samples", "motion for a valid scatter"),
+        "most": (detector.MEMORY / period, "samples", "averaging time of the scatter"),
         "learned_squares": (started.scatter.squares.T, "1", "learned squares of the scatter"),
         "learned_weight": (started.scatter.weights, "samples", "motion in the scatter"),
         "learned_shown": (

@@ -9,7 +9,7 @@ stribeck    a1 v + a2 sgn v + a3 exp(-(v / a4)^2) sgn v       bounded non-linear
 
 All models are odd functions of velocity. Least squares over both directions is therefore least
 squares over the mean of both directions, to which the models are fitted. Asymmetric friction is
-tested separately (`hil.estimation.friction.symmetry`).
+tested separately (`hil.estimation.friction.points`).
 
 For given a4, the last two models are linear as well. A grid over log a4, refined between the best
 neighbours, yields a4; linear least squares yields all other parameters (variable projection, Golub

@@ -168,12 +168,7 @@ def true_parameters(robot: Robot, plant: Path | str) -> Array:
     refuse_other_machine(robot, content, path)
     standard = np.append(content.standard(), content.drives(robot))
     p: Array = base_parameters(robot).matrix @ standard
-    _refuse_other_links(robot, standard, p, path)
-    return p
-
-
-def _refuse_other_links(robot: Robot, standard: Array, p: Array, path: Path) -> None:
-    """Refuse links with observable parameters that the robot file states as absent or tied."""
+    # refuse links with observable parameters that the robot file states as absent or tied
     mass, gravity = influences(robot)
     rows = np.vstack([mass.reshape(-1, standard.size), gravity.reshape(-1, standard.size)])
     true = rows @ standard
@@ -185,6 +180,7 @@ def _refuse_other_links(robot: Robot, standard: Array, p: Array, path: Path) -> 
         if absent:
             fault = f"lacks parameters of the plant: {', '.join(absent)}; add them"
         raise FileError(f"{path}: the file of {robot.name} {fault} and plan anew")
+    return p
 
 
 def refuse_other_machine(robot: Robot, plant: Plant, path: Path) -> None:

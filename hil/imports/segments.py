@@ -21,7 +21,7 @@ import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
 
 from hil.imports.instants import resampled
-from hil.least_squares.standstill import increment
+from hil.least_squares.window import increment
 from hil.runs.recording import IDLE
 
 if TYPE_CHECKING:

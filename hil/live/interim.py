@@ -91,25 +91,22 @@ class Interim:
     def parameters(self) -> Line:
         """Estimate the parameters; return the values of line ``estimate``."""
         if self._blocks:
-            self._solve()
+            products, counts = (
+                np.concatenate([getattr(each, name) for each in self._blocks])
+                for name in ("products", "counts")
+            )
+            blocks = replace(self._blocks[0], products=products, counts=counts)
+            own = blocks.layout.kept([COMMON[:LOAD]] * self._robot.n_joints)
+            regression, n = Regression.weighed(blocks, own), len(self._base)
+            self._open = undetermined_beside(regression.normal.information, n)
+            if len(blocks) > 1:
+                found = regression.uncertainty("jackknife")
+                self._covariance = found.covariance[:n, :n]
+                self._degrees = np.maximum(found.degrees_of_freedom[:n], 1.0)
+                self._p = regression.solution[:n]
         half = half_width(np.diag(self._covariance), np.zeros(1), self._degrees, 0.95)
         recordings = sum(map(len, self._blocks))
         return estimate_line(self._robot, self._free, recordings, self._p, half, ~self._open)
-
-    def _solve(self) -> None:
-        products, counts = (
-            np.concatenate([getattr(each, name) for each in self._blocks])
-            for name in ("products", "counts")
-        )
-        blocks = replace(self._blocks[0], products=products, counts=counts)
-        own = blocks.layout.kept([COMMON[:LOAD]] * self._robot.n_joints)
-        regression, n = Regression.weighed(blocks, own), len(self._base)
-        self._open = undetermined_beside(regression.normal.information, n)
-        if len(blocks) > 1:
-            found = regression.uncertainty("jackknife")
-            self._covariance = found.covariance[:n, :n]
-            self._degrees = np.maximum(found.degrees_of_freedom[:n], 1.0)
-            self._p = regression.solution[:n]
 
     def _predict(self, motion: RecordedMotion, each: Stacked, s: Signals) -> Line:
         A, y = each.X[:, : each.n_base], each.torques[:, 0]

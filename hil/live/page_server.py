@@ -29,9 +29,16 @@ from socketserver import TCPServer
 from threading import Semaphore, Thread
 from typing import TYPE_CHECKING, Any, cast
 
-from hil.live.incoming import WAITING_MAX, Incoming, TooLarge
 from hil.live.listener import begin_listening, url_host
-from hil.live.page_requests import Requests, Site, Whole, takes_time
+from hil.live.page_requests import (
+    WAITING_MAX,
+    Incoming,
+    Requests,
+    Site,
+    TooLarge,
+    Whole,
+    takes_time,
+)
 from hil.live.streams import Streams
 
 if TYPE_CHECKING:

@@ -1,4 +1,4 @@
-"""Campaign: a plan carried out on a bus into a run folder.
+"""Campaign: a plan carried out on a bus into a run folder, or rehearsed slowly.
 
 The bus is entered and left here, so that the axes stop and power off at any end of the campaign,
 and the folder's journal records the reason.
@@ -8,6 +8,17 @@ drives stop half a second after the last heartbeat, and a process waiting for a 
 Writing tasks go to a worker thread, in order, while the sequencer travels on. Errors of the worker
 are raised at the next event. With a full queue, or at the end with the axes off, the campaign waits
 for the disk: a measurement is finished only when written.
+
+A rehearsal is the first run on a robot. A measurement needs its own speed, so a slow campaign would
+measure nothing useful. A rehearsal passes every path of the plan once, below a share of each axis's
+limit: all travels, a stroke there and back of each measurement, and for a coupling the strokes of
+both axes in turn. A motion slowed by a factor s has its velocity times s and its acceleration times
+s^2, so that several axes follow exactly the path of a motion at full speed. Supervision and trips
+are those of a measuring run; the operator's hand is on the stop.
+
+A drive's own limits may be tighter than those used for planning. Then every motion not fixed by the
+plan, such as travel between measurements, respects them, and a plan beyond them is refused before
+anything moves: a drive that clips a motion spoils the measurement and reports nothing.
 """
 
 from __future__ import annotations
@@ -17,15 +28,20 @@ import logging
 import queue
 import time
 from contextlib import ExitStack, contextmanager
+from dataclasses import replace
 from functools import partial
 from threading import Thread
 from typing import TYPE_CHECKING
 
 from checked_files.yaml_file import FileError
-from hil.measuring.checks.axis_limits import limited, refuse_beyond
-from hil.measuring.events import Recorded, Repeated
-from hil.measuring.rehearsal import rehearse
-from hil.measuring.sequencer import measure, never
+from drivers.drive_bus import LimitExceeded
+from hil.measuring import REHEARSAL_SPEED
+from hil.measuring.events import Finished, Paused, Recorded, Rehearsed, Repeated, Started, Travelled
+from hil.measuring.sequencer import hold, measure, never, refuse_other_bus
+from hil.measuring.travel import locate, pace, pass_along, pass_slowly, travel
+from hil.planning.dry_run import measurement_problems
+from hil.planning.strokes import TURN
+from hil.planning.timetable import SETTLING, travel_time
 from hil.runs.journal import BusName, SyncTiming, axis_records
 from hil.runs.recording_file import Measured
 
@@ -33,10 +49,77 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Generator, Iterator, Sequence
     from typing import Self
 
-    from drivers.drive_bus import DriveBus
+    from drivers.drive_bus import AxisInfo, DriveBus
     from hil.measuring.events import Event
     from hil.model.robot import Robot
+    from hil.planning.measurement import Measurement
+    from hil.planning.plan import Plan
+    from hil.planning.strokes import Strokes
+    from hil.planning.trapezoid import Trapezoid
     from hil.runs.run_folder import RunFolder
+
+
+def limited(robot: Robot, axes: Sequence[AxisInfo]) -> Robot:
+    """Return `robot` within the limits of its drives, for motions and checks only."""
+    if len(axes) != robot.n_joints:
+        return robot  # another number of axes is refused at the start of measuring
+    joints = tuple(
+        joint.model_copy(
+            update={
+                "q_min": max(joint.q_min, axis.q_min),
+                "q_max": min(joint.q_max, axis.q_max),
+                "velocity_limit": min(joint.velocity_limit, axis.velocity_max),
+                "acceleration_limit": min(joint.acceleration_limit, axis.acceleration_max),
+            }
+        )
+        for joint, axis in zip(robot.file.joints, axes, strict=True)
+    )
+    if joints == robot.file.joints:
+        return robot
+    return replace(robot, file=robot.file.model_copy(update={"joints": joints}))
+
+
+def refuse_beyond(plan: Plan, robot: Robot, axes: Sequence[AxisInfo]) -> None:
+    """Check that the plan respects the limits of the drives.
+
+    Parameters
+    ----------
+    plan : Plan
+        Plan to be measured.
+    robot : Robot
+        Robot of the plan.
+    axes : sequence of AxisInfo
+        Axes in joint order.
+
+    Raises
+    ------
+    LimitExceeded
+        A line for each problem, with measurement, joint, value and bound.
+    """
+    problems = measurement_problems(plan, limited(robot, axes))
+    if problems:
+        lines = ["the plan exceeds what the drives allow; nothing has moved"]
+        lines += [problem.message for problem in problems]
+        raise LimitExceeded("\n".join([*lines, *_whose(robot, axes)]))
+
+
+def _whose(robot: Robot, axes: Sequence[AxisInfo]) -> Iterator[str]:
+    """Yield the objects of the drives that cause the limits, where relevant."""
+    for j, axis in enumerate(axes):
+        for key, planned, holds in (
+            ("q_min", robot.q_min[j], axis.q_min),
+            ("q_max", robot.q_max[j], axis.q_max),
+            ("velocity", robot.velocity_limit[j], axis.velocity_max),
+            ("acceleration", robot.acceleration_limit[j], axis.acceleration_max),
+        ):
+            # limits of drive and robot file may differ by 0.1 % without being named
+            if key in axis.own_limits and abs(holds - planned) > 1e-3 * max(1.0, abs(planned)):
+                yield (
+                    f"joint {j + 1} ({axis.name}): {key} of the drive {holds:.4g} "
+                    f"({axis.own_limits[key]}), of the robot file {planned:.4g}; plan within the "
+                    "drive's limit, or widen this limit with the maker's tool"
+                )
+
 
 log = logging.getLogger(__name__)
 
@@ -111,7 +194,7 @@ def rehearse_campaign(
 ) -> Generator[Event]:
     """Rehearse the motions of the folder's plan at `speed`, and note the rehearsal in the folder.
 
-    Parameters, events and errors are those of `run_campaign` and `hil.measuring.rehearsal`.
+    Parameters, events and errors are those of `run_campaign` and `hil.measuring.campaign`.
     """
     with _session(folder, bus, bus_name, real_time) as (_, background), bus:
         robot = _note_axes(folder, bus, background)
@@ -222,3 +305,89 @@ class Background:
                 task()
             except Exception as error:  # raised again by `check`, in the caller's thread
                 self._failed.append(error)
+
+
+def rehearse(
+    plan: Plan,
+    robot: Robot,
+    bus: DriveBus,
+    speed: float = REHEARSAL_SPEED,
+    pause: Callable[[], bool] = never,
+) -> Iterator[Event]:
+    """Rehearse all motions of `plan`.
+
+    Parameters
+    ----------
+    bus : DriveBus
+        Bus entered and left by the caller.
+    speed : float
+        Largest share of each axis's velocity limit in any motion.
+    pause : callable
+        As in `hil.measuring.sequencer.measure`.
+
+    Yields
+    ------
+    Event
+        Started, Travelled, Rehearsed, Paused and Finished.
+
+    Raises
+    ------
+    DriveError
+        Errors as in a measurement at full speed.
+    """
+    refuse_other_bus(plan, robot, bus)
+    here = locate(bus)
+    left = _durations(plan, robot, here.q, speed)
+    number = len(left)
+    yield Started(here.time, sum(left), number, number)
+    slow = min(1.0, speed / plan.travel)
+    for measurement in plan.measurements:
+        now = travel(bus, robot, measurement.start, plan.travel, plan.workspace, slow)
+        yield Travelled(now.time, sum(left), measurement)
+        if measurement.streamed:
+            now = pass_slowly(bus, measurement, pace(measurement, robot, speed))
+        else:
+            for index, profile in _slowed(measurement, robot, speed):
+                now = pass_along(bus, index, profile, measurement.id)
+        left.pop(0)
+        yield Rehearsed(now.time, sum(left), measurement)
+        if pause():
+            yield Paused(now.time, sum(left))
+            hold(bus, pause)
+    yield Finished(locate(bus).time, 0.0, number, ())
+
+
+def _slowed(measurement: Strokes, robot: Robot, speed: float) -> Iterator[tuple[int, Trapezoid]]:
+    """Yield strokes there and back of single axes, no faster than `speed` allows."""
+    ways = [(measurement.index, measurement.profile(k)) for k in (0, 1)]
+    for partner in measurement.partners:
+        ways[1:1] = [(partner.index, partner.profile(measurement.q, k)) for k in (0, 1)]
+    for index, profile in ways:
+        slow = min(1.0, speed * float(robot.velocity_limit[index]) / profile.velocity)
+        yield (
+            index,
+            replace(
+                profile,
+                velocity=slow * profile.velocity,
+                acceleration=slow**2 * profile.acceleration,
+            ),
+        )
+
+
+def _durations(plan: Plan, robot: Robot, start: Sequence[float], speed: float) -> list[float]:
+    """Return the expected durations of the measurements, including travel [s]."""
+    slow = min(1.0, speed / plan.travel)
+    durations, here = [], start
+    for measurement in plan.measurements:
+        way = travel_time(robot, here, measurement.start, plan.travel) / slow + SETTLING
+        durations.append(way + _duration(measurement, robot, speed))
+        here = measurement.start
+    return durations
+
+
+def _duration(measurement: Measurement, robot: Robot, speed: float) -> float:
+    """Return the expected duration of a measurement's own motions [s]."""
+    if measurement.streamed:
+        return measurement.period / pace(measurement, robot, speed)
+    strokes = [profile.duration for _, profile in _slowed(measurement, robot, speed)]
+    return sum(strokes) + TURN * len(strokes)

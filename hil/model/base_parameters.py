@@ -1,7 +1,7 @@
 """Base parameters: minimal set of parameters of the torques, with readable expressions.
 
 The ten standard parameters of each link cannot all be distinguished by motion. From the tips down
-each link transfers parameters to its parent (`hil.model.transfer`): Gautier and Khalil's
+each link transfers parameters to its parent without a change of torque: Gautier and Khalil's
 regrouping, analytic and for any tree of revolute and prismatic joints. Each remaining standard
 parameter heads a base parameter, in the order of eq. (5). Then the sparsity of the robot file is
 applied: absent parameters vanish and tied parameters merge. Base parameters that are now linearly
@@ -12,10 +12,39 @@ added (`hil.model.added_parameters`): one equivalent to link parameters merges w
 are base parameters of their own.
 
 Every result is checked against a numeric rank of M(q) and g(q) in all standard parameters.
+
+A base parameter is a sum, and its head, the standard parameter that names it, determines its role
+in the torques: ``sx2`` in the gravity torques is the gravity of axis 2, ``Izz3`` of a revolute
+joint the inertia about its own axis. So the words follow for any robot.
+
+A change of the standard parameters of link j and its parent i has no effect on torques if it leaves
+the kinetic energy, and the potential energy up to a constant, unchanged for every motion. From the
+tips down this splits into one question per joint: which changes delta of link j's ten parameters
+(i) are invisible to the joint's own rate, and (ii) look the same to all motions of link i at every
+q_j? These changes form the space T_j. Link i cancels a change in T_j if the change, expressed in
+frame i, is subtracted from its parameters. Other children of link i do not matter, since their
+terms depend on their own joints. For a revolute joint T_j always contains m, sz and Ixx = Iyy, for
+a prismatic one the whole inertia: the general rules of Gautier and Khalil (IEEE Trans. Robotics and
+Automation 6, 1990). Their special rules apply where the previous links cannot move freely (parallel
+axes, axes along gravity, prismatic joints before the second revolute direction): there T_j is
+larger.
+
+The observable part of link j is the span D_j of linear functionals of its parameters: the energies'
+terms. Motion of joint j multiplies parameters by exp(q L), so spans over all q are Krylov spaces of
+L, and the infinite set of configurations needs only finitely many conditions (Wensing, Niemeyer,
+Slotine, Int. J. Robotics Research 43, 2024)::
+
+    V_j = span over q of (velocities of link i seen in frame j), and the joint's own axis s
+    D_j = span over q of (D_i seen in frame j), and v' I(.) s for all v in V_j
+    T_j = {delta : d L exp(q L) delta = 0 for all d in D_i, q;  v' I(delta) s = 0 for v in V_j}
+
+with D_0 the potential energy of a body at the base. Velocities are (angular, linear).
 """
 
 from __future__ import annotations
 
+import re
+from collections import Counter
 from dataclasses import dataclass
 from functools import lru_cache
 from typing import TYPE_CHECKING
@@ -23,18 +52,162 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from hil.model.added_parameters import added_unit, merge_added
-from hil.model.dependencies import Dependencies, find_dependencies, influences
-from hil.model.frames import ROUNDED_OFF, parameter_map
-from hil.model.parameter_meanings import meanings
+from hil.model.dependencies import GRAVITY, Dependencies, find_dependencies, influences
+from hil.model.frames import (
+    ROUNDED_OFF,
+    UNIT_INERTIAS,
+    adjoint,
+    adjoint_rate,
+    inverse,
+    joint_motion,
+    parameter_map,
+    parameter_rate,
+)
 from hil.model.polynomial import Combination, Polynomial, add, combine, scale, text
 from hil.model.robot_arrays import read_only
-from hil.model.transfer import transfers
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Collection, Mapping, Sequence
 
     from hil.arrays import Array
     from hil.model.robot import Robot
+
+
+_ELIMINATION_ORDER = (9, 8, 3, 4, 2, 1, 0, 5, 7, 6)
+"""Order of elimination: m, sz, Iyy as in Gautier and Khalil, then the rest."""
+
+
+def transfers(robot: Robot) -> list[tuple[Array, list[int]]]:
+    """Compute the transferable parameters T_j of every joint; see the module.
+
+    Returns
+    -------
+    directions : array, shape (n_given, 10)
+        Basis of T_j in echelon form: row i is 1 at ``given[i]`` and 0 at the others of `given`.
+    given : list of int
+        Parameters transferred from link j.
+    """
+    felt = np.zeros((1, 10))
+    felt[0, 6:9] = robot.gravity / max(float(np.linalg.norm(robot.gravity)), ROUNDED_OFF)
+    spans = {-1: (np.zeros((0, 6)), felt)}
+    found = []
+    for joint, parent in enumerate(robot.parents):
+        velocities, felt = spans[parent]
+        pose = robot.link_pose(joint)
+        generator, axis = joint_motion(bool(robot.revolute[joint]))
+        velocities = _krylov(velocities @ adjoint(inverse(pose)).T, adjoint_rate(generator).T)
+        velocities = _span(np.vstack([velocities, axis]))
+        rate = parameter_rate(generator)
+        felt = _krylov(felt @ parameter_map(pose), rate)
+        own = np.array([v @ UNIT_INERTIAS @ axis for v in velocities])
+        found.append(_echelon(_null_space(np.vstack([felt @ rate, own]))))
+        spans[joint] = velocities, _span(np.vstack([felt, own]))
+    return found
+
+
+def _krylov(rows: Array, step: Array) -> Array:
+    """Compute the span of rows exp(q step) over all q, the smallest invariant space with `rows`."""
+    space = _span(rows)
+    while True:
+        larger = _span(np.vstack([space, space @ step]))
+        if len(larger) == len(space):
+            return space
+        space = larger
+
+
+def _span(rows: Array) -> Array:
+    """Compute an orthonormal basis of the rows' span.
+
+    The rows stay unscaled: of orthonormal functionals, small ones are rounding errors.
+    """
+    _, values, basis = np.linalg.svd(rows, full_matrices=False)
+    spanning: Array = basis[values > ROUNDED_OFF * values.max(initial=0.0)]
+    return spanning
+
+
+def _null_space(rows: Array) -> Array:
+    """Compute an orthonormal basis of the null space of `rows`, as rows."""
+    return np.linalg.svd(rows)[2][len(_span(rows)) :]
+
+
+def _echelon(basis: Array) -> tuple[Array, list[int]]:
+    basis = basis.copy()
+    given: list[int] = []
+    for column in _ELIMINATION_ORDER:
+        rank = len(given)
+        if rank == len(basis):
+            break
+        pivot = rank + int(np.argmax(np.abs(basis[rank:, column])))
+        if abs(basis[pivot, column]) < ROUNDED_OFF:
+            continue
+        basis[[rank, pivot]] = basis[[pivot, rank]]
+        basis[rank] /= basis[rank, column]
+        others = np.arange(len(basis)) != rank
+        basis[others] -= np.outer(basis[others, column], basis[rank])
+        given.append(column)
+    nearest = np.round(basis)
+    snapped = np.where(np.abs(basis - nearest) < ROUNDED_OFF, nearest, basis)
+    return snapped + 0.0, given
+
+
+_ADDED = {
+    "Ia": "rotor inertia of axis {}",
+    "Iam": "rotor inertia of coupled motor {}",
+    "k": "spring of axis {}",
+    "kc": "spring of axis {}, cosine",
+    "ks": "spring of axis {}, sine",
+}
+"""Meanings of added parameters (`hil.model.added_parameters`)."""
+
+
+def meanings(
+    robot: Robot, heads: Sequence[str], matrix: Array, groups: Mapping[str, Collection[int]]
+) -> tuple[str, ...]:
+    """Describe every base parameter by unique words.
+
+    Parameters
+    ----------
+    robot : Robot
+    heads : sequence of str, length n_base
+        Standard parameters at the head of each base parameter.
+    matrix : ndarray, shape (n_base, n_standard)
+        Matrix from standard to base parameters.
+    groups : mapping
+        As in `hil.model.base_parameters.BaseParameters`.
+    """
+    gravity = [heads[k] for k in groups.get(GRAVITY, ())]
+    found = [_meaning(robot, head, matrix[k], gravity) for k, head in enumerate(heads)]
+    several = Counter(found)
+    return tuple(
+        f"{words}, {head}" if several[words] > 1 else words
+        for words, head in zip(found, heads, strict=True)
+    )
+
+
+def _meaning(robot: Robot, head: str, row: Array, gravity: Sequence[str]) -> str:
+    letters, link = re.fullmatch(r"([A-Za-z]+)(\d+)", head).groups()  # type: ignore[union-attr]
+    if letters in _ADDED:
+        return _ADDED[letters].format(link)
+    if letters.startswith("s"):
+        along = letters[1]
+        if f"s{along}{link}" not in gravity:
+            return f"mass times {along} of link {link}"
+        alone = sum(each in (f"sx{link}", f"sy{link}", f"sz{link}") for each in gravity) == 1
+        return f"gravity of axis {link}" + ("" if alone else f", {along}")
+    return f"mass moved by axis {link}" if letters == "m" else _inertia(robot, head, row)
+
+
+def _inertia(robot: Robot, head: str, row: Array) -> str:
+    one, other, link = head[1], head[2], head[3:]
+    if one != other:
+        return f"product of inertia {one}{other} of link {link}"
+    if one == "z" and robot.revolute[int(link) - 1]:
+        return f"inertia of axis {link}"
+    names = robot.standard_parameters
+    less = [each for each in "xyz" if each != one and row[names.index(f"I{each}{each}{link}")] < 0]
+    if not less:
+        return f"inertia {one}{one} of link {link}"
+    return f"inertia {' - '.join(2 * each for each in (one, *less))} of link {link}"
 
 
 _UNITS = {"I": "kg m2", "s": "kg m", "m": "kg"}
@@ -53,7 +226,7 @@ class BaseParameters:
     names : tuple of str, length n_base
         Names ``p1`` and so on.
     meanings : tuple of str
-        Meanings in words (`hil.model.parameter_meanings`).
+        Meanings in words (`hil.model.base_parameters`).
     expressions : tuple of str
         Sums of standard parameters, with named lengths.
     units : tuple of str

@@ -41,6 +41,23 @@ def _per_drive(value: Callable[[Drive], float | str]) -> cached_property[Array]:
     return _per_joint(lambda joint: value(joint.drive or NO_DRIVE))
 
 
+def _expressions(key: str) -> cached_property[tuple[Polynomial, ...]]:
+    """Return a property: polynomials of a length in the joints' frames, in named lengths."""
+    return cached_property(
+        lambda robot: tuple(parse(getattr(joint.frame, key) or "0") for joint in robot.file.joints)
+    )
+
+
+def _length(key: str) -> cached_property[Array]:
+    """Return a property: read-only array of the values of `_expressions`, shape (n_joints,)."""
+
+    def array(robot: RobotArrays) -> Array:
+        expressions = getattr(robot, f"{key}_expressions")
+        return read_only([length.evaluate(robot.file.lengths) for length in expressions])
+
+    return cached_property(array)
+
+
 class MotorCoupling(NamedTuple):
     """Motor also turned by the motion of a second joint.
 
@@ -147,35 +164,12 @@ class RobotArrays:
     theta = _per_joint(lambda joint: joint.frame.theta)
     """Angles about the axes; offsets of revolute joints' q [rad]."""
 
-    @cached_property
-    def d(self) -> Array:
-        """Distances between successive axes [m]."""
-        return read_only([length.evaluate(self.file.lengths) for length in self.d_expressions])
-
-    @cached_property
-    def r(self) -> Array:
-        """Shifts along the axes; offsets of prismatic joints' q [m]."""
-        return read_only([length.evaluate(self.file.lengths) for length in self.r_expressions])
-
-    @cached_property
-    def b(self) -> Array:
-        """Shifts along the parents' z axes [m]."""
-        return read_only([length.evaluate(self.file.lengths) for length in self.b_expressions])
-
-    @cached_property
-    def b_expressions(self) -> tuple[Polynomial, ...]:
-        """Polynomials of `b` in named lengths."""
-        return tuple(parse(joint.frame.b or "0") for joint in self.file.joints)
-
-    @cached_property
-    def d_expressions(self) -> tuple[Polynomial, ...]:
-        """Polynomials of `d` in named lengths."""
-        return tuple(parse(joint.frame.d) for joint in self.file.joints)
-
-    @cached_property
-    def r_expressions(self) -> tuple[Polynomial, ...]:
-        """Polynomials of `r` in named lengths."""
-        return tuple(parse(joint.frame.r) for joint in self.file.joints)
+    d, d_expressions = _length("d"), _expressions("d")
+    """Distances between successive axes [m]; polynomials in named lengths."""
+    r, r_expressions = _length("r"), _expressions("r")
+    """Shifts along the axes; offsets of prismatic joints' q [m]; polynomials in named lengths."""
+    b, b_expressions = _length("b"), _expressions("b")
+    """Shifts along the parents' z axes [m]; polynomials in named lengths."""
 
     q_min = _per_joint(lambda joint: joint.q_min)
     """Lower ends of the joints' ranges [rad or m]."""

@@ -215,16 +215,12 @@ def _angle(value: object) -> float:
             f"{radians:g} rad must be within +-2 pi: it looks like degrees; write"
             f" {math.radians(radians):.6g}, or pi/2 for 90 degrees"
         )
-    _refuse_rounded_right_angle(radians)
-    return radians
-
-
-def _refuse_rounded_right_angle(radians: float) -> None:
-    """Refuse 1.57 for pi/2, since base parameters differ for nearly perpendicular frames."""
+    # refuse 1.57 for pi/2, since base parameters differ for nearly perpendicular frames
     quarters = round(radians / (math.pi / 2))
     exact = quarters * math.pi / 2
     if quarters and any(round(exact, digits) == radians for digits in range(2, 9)):
         raise ValueError(f"{radians:g} rad is a rounded {quarters} pi/2; write {quarters}*pi/2")
+    return radians
 
 
 Expression = Annotated[str, BeforeValidator(_expression)]

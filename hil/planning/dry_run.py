@@ -13,22 +13,21 @@ from collections import Counter, defaultdict
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, NamedTuple
 
-from hil.planning.lag import check_lag, find_largest_lag
 from hil.planning.measurement import axes_lacking_law, element_measurements, shows_parameters
 from hil.planning.path_clearance import obstacles
 from hil.planning.prediction.identifiability import Identifiability, identifiability
 from hil.planning.timetable import timetable
-from hil.planning.trajectory import check_trajectory
+from hil.planning.trajectory import check_lag, check_trajectory, find_largest_lag
 from hil.planning.workspace import narrow_ranges
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
     from hil.model.robot import Robot
-    from hil.planning.lag import Following, Lag
     from hil.planning.measurement import Measurement
     from hil.planning.plan import Plan
     from hil.planning.strokes import Partner, Strokes
+    from hil.planning.trajectory import Following, Lag
 
 
 @dataclass(frozen=True, slots=True)
@@ -190,17 +189,7 @@ def _check(number: int, measurement: Measurement, robot: Robot, period: float) -
         for message in check_trajectory(measurement, robot, period):
             yield Problem((*here, "sine"), message)
         return
-    yield from _check_ends(here, measurement, robot)
-    yield from _check_profile(here, measurement.id, measurement, robot)
-    for partner in measurement.partners:
-        yield from _check_profile((*here, "partner"), measurement.id, partner, robot)
-    yield from _check_window((*here, "stroke"), measurement, robot)
-
-
-def _check_ends(
-    here: tuple[str | int, ...], measurement: Strokes, robot: Robot
-) -> Iterator[Problem]:
-    """Check that both ends of the strokes keep inside the joint range."""
+    # check that both ends of the strokes keep inside the joint range
     ends = zip(measurement.start, measurement.end, robot.q_min, robot.q_max, strict=True)
     for index, (first, last, low, high) in enumerate(ends):
         beyond = min(first, last) if min(first, last) < low else max(first, last)
@@ -214,6 +203,10 @@ def _check_ends(
             f" {low:.5g} ... {high:.5g} {unit};"
             f" {_remedy(unit, beyond, low, high, 'choose another configuration or stroke')}",
         )
+    yield from _check_profile(here, measurement.id, measurement, robot)
+    for partner in measurement.partners:
+        yield from _check_profile((*here, "partner"), measurement.id, partner, robot)
+    yield from _check_window((*here, "stroke"), measurement, robot)
 
 
 def _check_profile(

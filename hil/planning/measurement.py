@@ -15,7 +15,7 @@ friction
     just before (section 3).
 
 A new kind is a model and a row of `KINDS` here, and an entry in each stage with functions by kind:
-motion (`hil.measuring.motion`), checks of recordings (`hil.measuring.checks.recording_checks`),
+motion (`hil.measuring.sequencer`), checks of recordings (`hil.measuring.checks.recording_checks`),
 local estimates (`hil.estimation.local_fits`) and, if `hil plan` chooses it, configurations
 (`hil.planning.design.measurable_elements`).
 """

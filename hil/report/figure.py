@@ -11,12 +11,12 @@ import numpy as np
 from hil.commands.torques import torque_chart
 from hil.errors import FileError, NotEnoughData
 from hil.model.base_parameters import base_parameters
-from hil.report.sections.friction_plots import levels
+from hil.report.sections.friction import levels
 from hil.runs.atomic_file import write_file
 from hil.runs.run import opened
-from hil.show.charts.chart import MODEL, Band, Chart, Line, Panel, Points, Rule, chart
+from hil.show.charts.chart import MODEL, Band, Chart, Line, Panel, Points, Rule
 from hil.show.charts.svg import file
-from hil.view.stretches import stretches
+from hil.view.along_motion import stretches
 
 if TYPE_CHECKING:
     from hil.results.model import Model
@@ -99,7 +99,7 @@ def plot_torque(model: Model, run: Run | Path | str, measurement: str | None = N
     for each in [run[measurement]] if measurement else run:
         if found := stretches(model, [(each.measurement, each.recording)]):
             shown = [stretch.part(0.0, np.inf, MOST) for stretch in found.values()]
-            return Figure(torque_chart(shown, model.robot))
+            return Figure(Chart(tuple(torque_chart(shown, model.robot))))
     raise NotEnoughData(f"{run.path}: no recording with torques predicted by a model")
 
 
@@ -142,7 +142,7 @@ def plot_friction(model: Model) -> Figure:
         )
     if not panels:
         model.predict(np.zeros(robot.n_joints), 0.0, 0.0, ["friction"])  # raises the reason
-    return Figure(chart(panels))
+    return Figure(Chart(tuple(panels)))
 
 
 def plot_friction_over_time(model: Model) -> Figure:
@@ -160,7 +160,7 @@ def plot_friction_over_time(model: Model) -> Figure:
     """
     if not model.local:
         model.friction_over_time(1)  # raises the reason
-    return Figure(levels(model.local, model.robot))
+    return Figure(Chart(tuple(levels(model.local, model.robot))))
 
 
 def plot_parameters(model: Model) -> Figure:

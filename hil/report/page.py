@@ -3,35 +3,126 @@
 The report can be written again at any time, without hardware and without the network. The registry
 of `hil.report.sections` states content and order; the leading section is on the first screen, next
 to the judgement of the result and a picture of the robot. Plots are part of the page as SVG, and
-their points link to the recordings (`hil.report.carried`).
+their points link to the recordings that the page carries: as on the page of `hil view`, thinned to
+the resolution of a screen. Base parameters are CSV for tables and JSON for programs.
 """
 
 from __future__ import annotations
 
+import csv
+import io
+import json
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from hil.commands.torques import first_pose
-from hil.report.carried import carried, downloads
+from hil.commands.torques import arm, packed_recordings
+from hil.model.base_parameters import base_parameters
 from hil.report.reported_run import ReportedRun
 from hil.report.sections import OF_FRICTION, OF_IDENTIFIED
 from hil.runs.atomic_file import file_errors, write_file
 from hil.runs.run import opened
-from hil.show.charts.arm import arm
 from hil.show.html import environment
 from hil.show.outcome import Verdict
 from hil.show.page import write_html
 from hil.show.rounding import duration, significant, when
+from hil.show.section import data_uri
+from hil.view.along_motion import carriers, join_predictions
 from hil.view.page import view_script
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Iterator, Sequence
+    from collections.abc import Collection, Iterable, Iterator, Sequence
 
     from jinja2 import Environment
 
+    from hil.results.model import Model
     from hil.runs.recording_file import Measured
     from hil.runs.run import Run
     from hil.show.section import Plot, Section
+
+
+def carried(run: ReportedRun, ids: Collection[str], played: Collection[str]) -> str:
+    """Pack the data for a page's script (`hil.view.packed`), compressed; empty without data.
+
+    Parameters
+    ----------
+    run : ReportedRun
+    ids : collection of str
+        Measurements behind points.
+    played : collection of str
+        Recordings whose time has a cursor.
+    """
+    own = run.own_torques if run.is_identified else None
+    found = own.stretches if own else {}
+    of = carriers(found, base_parameters(run.robot).names) if own else {}
+    wanted = {*ids, *(name for each in of.values() for name, _ in each)}
+    shown = run.shown_torques if run.is_identified else None
+    wanted |= set(played) if shown is own else set()
+    pairs = (pair for pair in run.recordings if pair[0].id in wanted)
+    recordings = [*join_predictions(pairs, found)]
+    # the run's own recordings come first, since recordings of both runs may have equal ids
+    if shown is not None and shown is not own:
+        others = (pair for pair in shown.recordings if pair[0].id in played)
+        recordings += join_predictions(others, shown.stretches)
+    titles = base_parameters(run.robot).titles if of else ()
+    parameters = {
+        name: {"title": title, "by": [[each, round(100 * share, 1)] for each, share in by]}
+        for (name, by), title in zip(of.items(), titles, strict=True)
+    }
+    return packed_recordings(run.robot, recordings, parameters)
+
+
+Downloads = tuple[tuple[str, str, str], ...]
+"""File name, format and data address of downloads."""
+
+
+def downloads(model: Model) -> Downloads:
+    """Convert the base parameters of a model to files."""
+    rows = _rows(model)
+    name = f"{model.robot.name}-parameters"
+    return (
+        (f"{name}.csv", "CSV", data_uri(_csv(rows).encode(), "text/csv;charset=utf-8")),
+        (f"{name}.json", "JSON", data_uri(_json(model, rows).encode(), "application/json")),
+    )
+
+
+def _rows(model: Model) -> list[dict[str, str | float]]:
+    interval = model.interval(0.95)
+    columns = zip(
+        model.names, base_parameters(model.robot).meanings, model.values, model.standard_errors,
+        interval, model.units, model.expressions, strict=True,
+    )  # fmt: skip
+    return [
+        {
+            "name": name,
+            "meaning": meaning,
+            "value": float(value),
+            "standard_error": float(error),
+            "low_95": float(low),
+            "high_95": float(high),
+            "unit": unit,
+            "expression": expression,
+        }
+        for name, meaning, value, error, (low, high), unit, expression in columns
+    ]
+
+
+def _csv(rows: list[dict[str, str | float]]) -> str:
+    written = io.StringIO()
+    table = csv.DictWriter(written, rows[0].keys(), lineterminator="\n")
+    table.writeheader()
+    table.writerows(rows)
+    return written.getvalue()
+
+
+def _json(model: Model, rows: list[dict[str, str | float]]) -> str:
+    content = {
+        "robot": model.robot.name,
+        "method": model.method,
+        "parameters": rows,
+        "covariance": model.covariance.tolist(),
+    }
+    return json.dumps(content, indent=1) + "\n"
+
 
 NAME = "report.html"
 TEMPLATES: tuple[Path, ...] = (Path(__file__).parent / "sections",)
@@ -68,7 +159,20 @@ def report(run: Run | Path | str, figures: Path | None = None) -> Path:
     registry = OF_IDENTIFIED if whole.is_identified else OF_FRICTION
     sections = list(filter(None, (each(whole) for each in registry)))
     path = run.path / NAME
-    values = _values(whole, sections)
+    templates = environment(*TEMPLATES)
+    texts = [(section, _text(templates, section)) for section in sections]
+    charts = [plot.chart for plot in _plots(sections)]
+    behind = frozenset[str]().union(*(chart.ids for chart in charts))
+    played = {panel.recording for chart in charts for panel in chart.panels if panel.recording}
+    values = {
+        **_top(whole),
+        "lead": next((text for section, text in texts if section.leads), ""),
+        "sections": [each for each in texts if not each[0].leads],
+        "downloads": downloads(whole.model) if whole.is_identified else (),
+        "carried": carried(whole, behind, played),
+        "run": whole.source,
+        "picture": arm(whole.robot, whole.campaign[0].recording),
+    }
     write_html(path, NAME, view_script() if values["carried"] else "", **values)
     if figures is not None:
         _write_figures(figures, _plots(sections))
@@ -77,27 +181,6 @@ def report(run: Run | Path | str, figures: Path | None = None) -> Path:
 
 def _plots(sections: Iterable[Section]) -> list[Plot]:
     return [plot for each in sections for plot in each.plots]
-
-
-def _templates() -> Environment:
-    return environment(*TEMPLATES)
-
-
-def _values(whole: ReportedRun, sections: Sequence[Section]) -> dict[str, object]:
-    templates = _templates()
-    texts = [(section, _text(templates, section)) for section in sections]
-    charts = [plot.chart for plot in _plots(sections)]
-    behind = frozenset[str]().union(*(chart.ids for chart in charts))
-    played = {panel.recording for chart in charts for panel in chart.panels if panel.recording}
-    return {
-        **_top(whole),
-        "lead": next((text for section, text in texts if section.leads), ""),
-        "sections": [each for each in texts if not each[0].leads],
-        "downloads": downloads(whole.model) if whole.is_identified else (),
-        "carried": carried(whole, behind, played),
-        "run": whole.source,
-        "picture": arm(whole.robot, first_pose(whole.robot, whole.campaign[0].recording)),
-    }
 
 
 def _top(run: ReportedRun) -> dict[str, object]:

@@ -17,12 +17,12 @@ from hil.results.model_file import NAME, read_model_file
 from hil.results.provenance import same_parameters
 from hil.runs.pooling import recorded
 from hil.runs.run import Run
-from hil.view.stretches import stretches
+from hil.view.along_motion import stretches
 
 if TYPE_CHECKING:
     from hil.commands.friction import FrictionResult
     from hil.estimation.estimate import Estimate
-    from hil.estimation.local_values import LocalValue
+    from hil.estimation.local_fits import LocalValue
     from hil.model.robot import Robot
     from hil.planning.measurement import RecordedMotion
     from hil.results.findings import Findings
@@ -210,7 +210,7 @@ def friction_of_run(run: Run, recordings: Recordings) -> FrictionResult | None:
         return None
     # imported only for runs with friction measurements
     from hil.commands.friction import fit_friction, load_friction  # noqa: PLC0415
-    from hil.estimation.friction.symmetry import BOUND  # noqa: PLC0415
+    from hil.estimation.friction.points import BOUND  # noqa: PLC0415
 
     try:
         kept = load_friction(run)

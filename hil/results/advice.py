@@ -25,7 +25,7 @@ from hil.estimation.excluded.causes import CAUSES
 from hil.estimation.excluded.effects import Effect, effects
 from hil.estimation.excluded.result import ErrorTerm
 from hil.estimation.free_motion.result import POOR
-from hil.estimation.friction.symmetry import judge_local_values
+from hil.estimation.friction.points import judge_local_values
 from hil.estimation.intervals import SIGNIFICANT
 from hil.least_squares.solving import inverse
 from hil.measuring.checks.recording_checks import UNTIMED

@@ -36,7 +36,8 @@ import numpy as np
 from scipy import special
 
 from hil.estimation.intervals import SIGNIFICANT, combined_degrees
-from hil.show.rounding import rounded, signed, significant, unit
+from hil.show.rounding import probability, rounded, signed, significant, uncertain, unit
+from hil.show.table import Column, Table, figures, table
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
@@ -46,6 +47,7 @@ if TYPE_CHECKING:
     from hil.arrays import Array, Indices
     from hil.results.identified_robot import IdentifiedRobot
     from hil.results.quantities import Kind, Quantity, Reading
+    from hil.show.table import Row
 
 
 FEWEST = 3
@@ -311,3 +313,29 @@ def _fitted(effect: Array, sizes: Array, shown: Array) -> tuple[float, float]:
     errors = np.divide(effect, shown, out=np.ones_like(effect), where=shown != 0)
     information = float(shown @ shown)
     return float(shown @ (sizes / errors)) / information, 1.0 / float(np.sqrt(information))
+
+
+def changed_table(changes: Sequence[Change], title: str = "What changed", of: str = "run") -> Table:
+    """Return the table of significant changes; no rows without any."""
+    return table(
+        title,
+        (
+            *(Column(head, folds=True) for head in (of, "since", "quantity")),
+            *figures("change", "± 95 %"),
+            "unit",
+            *figures("change, %", "p"),
+            Column("possible cause", folds=True),
+        ),
+        map(_change, changes),
+        "The interval includes the possible effect of temperature on friction; p: probability of "
+        "such a change by chance, over all tests of the run (Holm).",
+    )
+
+
+def _change(each: Change) -> Row:
+    share = "" if each.relative is None else signed(significant(100 * each.relative, 2))
+    size, half = uncertain(each.size, each.half_width)
+    return (
+        each.run, each.against, each.quantity.title, size, half, unit(each.quantity.unit), share,
+        probability(each.adjusted), each.meaning,
+    )  # fmt: skip

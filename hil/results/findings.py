@@ -33,9 +33,8 @@ from hil.estimation.fit_details import MeasurementFit
 from hil.estimation.identify import JOINT
 from hil.estimation.options import DEFAULTS
 from hil.results.provenance import RunStamp
-from hil.runs.atomic_file import write_file
+from hil.runs.atomic_file import own_key, write_file
 from hil.runs.pooling import recorded
-from hil.runs.user_state import own_key
 from hil.version import DISTRIBUTION
 
 if TYPE_CHECKING:
@@ -155,7 +154,7 @@ def follow_from(
     recordings: Sequence[tuple[RecordedMotion, Recording]],
 ) -> Findings:
     """Derive all findings from an estimate."""
-    from hil.estimation.friction.history import history  # noqa: PLC0415 - as above
+    from hil.estimation.friction.points import history  # noqa: PLC0415 - as above
     from hil.estimation.two_step_methods import fit_published  # noqa: PLC0415
     from hil.friction.drift import Level, drift  # noqa: PLC0415
     from hil.results.advice import CampaignResult, advice  # noqa: PLC0415

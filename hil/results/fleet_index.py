@@ -1,31 +1,279 @@
-"""Index of the models of many machines: rows of a model, and Parquet files.
+"""Index of the models of many machines, and machines that deviate from the others.
 
-The index is a folder, ``robot=DIGEST/*.parquet``: one row for each run and quantity, a file for
-each call of `hil fleet index` and robot, several for many runs. DuckDB reads the index.
+The index has rows of models in Parquet files: it is a folder, ``robot=DIGEST/*.parquet``: one row
+for each run and quantity, a file for each call of `hil fleet index` and robot, several for many
+runs. DuckDB reads the index.
+
+Deviations of a machine from its past and from its fleet are found at a stated rate of false alarms.
+A fleet is many machines of one robot, each identified repeatedly. For a quantity y
+(`hil.results.quantities`) of machine k, let
+
+    T_k = mean of the newest `NEWEST` runs - mean of the first `FIRST` runs.
+
+An unchanged machine deviates like its peers: the null hypothesis is T_k = median of T over the
+machines, with the standard error
+
+    s = max(1.4826 median |T - median T|, r sqrt(1/NEWEST + 1/FIRST)),
+
+r^2 = median (y_(i+1) - y_i)^2 / (2 x 0.4549) over successive runs of all machines, since the median
+of a chi-squared variable with one degree of freedom is 0.4549. Medians ignore the few machines of a
+fleet that change. With fewer than `ENOUGH` machines and fewer than `ENOUGH` differences, the stated
+errors and allowances of the models apply, as in `hil.results.changes`. The level of a machine is
+compared with the levels of its peers in the same way, by the median absolute deviation.
+
+Temperature moves the friction of all axes. With the common change c of a run, the median over the
+axes (`hil.results.changes.common_friction`), and the response b of an axis, friction is divided by
+1 + b c. Least squares of the differences between successive runs yield b, with the prior 1 +-
+`UNLIKE` / 2; slow wear contributes little to these differences. The uncertainty of b widens s.
+
+Holm's procedure bounds the probability of any false alarm in one run of a machine by
+
+    alpha = rate / (runs of a machine in ten years),
+
+so that a machine has at most `rate` false alarms in ten years.
 """
 
 from __future__ import annotations
 
 import math
 from contextlib import contextmanager, suppress
+from dataclasses import dataclass
 from datetime import UTC, datetime
-from typing import TYPE_CHECKING, Any, get_args
+from typing import TYPE_CHECKING, Any, NamedTuple, get_args
 
 import numpy as np
+from scipy import special
 
 from checked_files.budget import refuse_beyond
 from checked_files.foreign_text import whole_line
 from checked_files.yaml_file import FileError
 from hil.optional_packages import needed_for
-from hil.results.deviations import Fleet
-from hil.results.quantities import Kind, Quantity, friction_quantities, quantities, reading
+from hil.results.changes import (
+    FEWEST,
+    UNLIKE,
+    Change,
+    adjusted,
+    change,
+    common_shares,
+    p_values,
+)
+from hil.results.quantities import Kind, Quantity, Reading, friction_quantities, quantities, reading
 from hil.runs.atomic_file import write_file
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
     from pathlib import Path
 
+    from hil.arrays import Array, Indices, Mask
     from hil.results.model import Model
+
+
+NEWEST, FIRST = 3, 12
+"""Numbers of runs in the newest and in the first mean: a quarter and a year of monthly runs."""
+ENOUGH = 20
+"""Minimum number of differences, or of machines, for a median accurate to a quarter (1.25 /
+sqrt(20)).
+"""
+NORMAL = 1.0 / float(special.ndtri(0.75))
+"""Ratio of standard deviation to median absolute deviation of a normal distribution."""
+MEDIAN_SQUARE = float(special.chdtri(1, 0.5))
+"""Median of a chi-squared variable with one degree of freedom."""
+EFFICIENCY = 0.37
+"""Efficiency of a median absolute deviation relative to a standard deviation (Huber and Ronchetti
+2009, 1.1).
+"""
+DECADE = 10 * 365.25 * 86400.0
+"""Seconds in ten years."""
+FLEET = "the fleet"
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Fleet:
+    """Readings of machines of the same robot, ordered by machine and time.
+
+    Attributes
+    ----------
+    machines : tuple of str
+    quantities : tuple of Quantity
+    machine : ndarray, shape (n_runs,)
+        Index into `machines`, ascending.
+    time : ndarray, shape (n_runs,)
+        Time since 1970 [s], ascending within a machine.
+    runs : ndarray, shape (n_runs,)
+        Labels of the runs.
+    value, error, degrees, allowance : ndarray, shape (n_runs, n_quantities)
+        Attributes of `Reading`; NaN for quantities unknown to a run.
+    """
+
+    machines: tuple[str, ...]
+    quantities: tuple[Quantity, ...]
+    machine: Indices
+    time: Array
+    runs: Array
+    value: Array
+    error: Array
+    degrees: Array
+    allowance: Array
+
+
+class Deviations(NamedTuple):
+    """Significant deviations of the newest run of each machine.
+
+    Attributes
+    ----------
+    changes : tuple of Change
+        Significant changes, the least probable first; `run` is the machine, `against` its first
+        run, or the fleet.
+    level : float
+        Probability of any false alarm in a run of a machine.
+    compared : int
+        Number of machines with a comparable run.
+    """
+
+    changes: tuple[Change, ...]
+    level: float
+    compared: int
+
+
+def deviations(fleet: Fleet, rate: float) -> Deviations:
+    """Test the newest run of each machine, with `rate` false alarms per machine in ten years."""
+    starts = np.searchsorted(fleet.machine, np.arange(len(fleet.machines)))
+    count = np.diff(np.append(starts, len(fleet.machine)))
+    level = min(rate / runs_in_ten_years(fleet), 1.0)
+    place = np.arange(len(fleet.machine)) - starts[fleet.machine]
+    # with few runs, the newer half, so that some runs remain for comparison
+    newest = place >= (count - np.clip(count // 2, 1, NEWEST))[fleet.machine]
+    first = (place < FIRST) & ~newest
+    value, by_temperature = _remove_temperature(fleet, first, newest)
+    new, new_error, n_new = _means(fleet, value, newest)
+    old, old_error, n_old = _means(fleet, value, first)
+    # standard deviation between successive runs of a machine, and the number of differences
+    apart = np.diff(value, axis=0)[np.diff(fleet.machine) == 0]
+    n_runs = np.isfinite(apart).sum(axis=0)
+    run = np.sqrt(_median(apart**2) / (2.0 * MEDIAN_SQUARE))
+    with np.errstate(divide="ignore", invalid="ignore"):
+        of_runs = np.hypot(run * np.sqrt(1.0 / n_new + 1.0 / n_old), by_temperature)
+    stated = np.hypot(np.hypot(new_error, old_error), by_temperature)
+    # of each machine, the largest allowance and the fewest degrees of freedom
+    allowance, degrees = (
+        np.fmin.reduceat(x, starts, axis=0) for x in (-fleet.allowance, fleet.degrees)
+    )
+    own = _test(new - old, of_runs, n_runs, stated, degrees, -allowance)
+    unknown = np.full(new.shape, np.nan)
+    peers = _test(new, unknown, np.zeros_like(n_runs), unknown, unknown, 0.0 * unknown)
+    rows = ((old, *own), (new - peers[0], *peers))
+    p = np.stack([row[-1] for row in rows])
+    known = np.isfinite(p)
+    number = known.sum(axis=(0, 2))
+    smallest = np.where(known, p, 1.0).min(axis=(0, 2))
+    found: list[Change] = []
+    for k in np.flatnonzero(smallest * number < level).tolist():
+        against = str(fleet.runs[starts[k]]), FLEET
+        tests = [
+            test
+            for name, row in zip(against, rows, strict=True)
+            for test in _changes(fleet, row, k, name)
+        ]
+        found += [each for each in adjusted(tests) if each.adjusted < level]
+    found.sort(key=lambda each: each.adjusted)
+    return Deviations(tuple(found), level, int(np.count_nonzero(number)))
+
+
+def _changes(fleet: Fleet, row: tuple[Array, ...], k: int, against: str) -> Iterator[Change]:
+    """Yield the tests of machine `k`."""
+    before, size, error, degrees, allowed, p = (each[k].tolist() for each in row)
+    for q in np.flatnonzero(np.isfinite(p)).tolist():
+        now = Reading(before[q] + size[q], error[q], degrees[q], allowed[q])
+        then = Reading(before[q], 0.0, degrees[q])
+        yield change(fleet.quantities[q], (fleet.machines[k], now), (against, then))
+
+
+def runs_in_ten_years(fleet: Fleet) -> float:
+    """Return the number of runs of a machine in ten years, by the median interval of runs."""
+    apart = np.diff(fleet.time)[np.diff(fleet.machine) == 0]
+    apart = apart[apart > 0.0]  # a copy does not count as another run
+    return DECADE / float(np.median(apart)) if len(apart) else 1.0
+
+
+def _remove_temperature(fleet: Fleet, first: Mask, newest: Mask) -> tuple[Array, Array]:
+    """Divide friction by its response to temperature.
+
+    Returns
+    -------
+    value : ndarray, shape (n_runs, n_quantities)
+    error : ndarray, shape (n_machines, n_quantities)
+        Standard error of a machine's deviation due to the uncertainty of the response.
+    """
+    value, machines = fleet.value.copy(), np.arange(len(fleet.machines))
+    error = np.zeros((len(machines), value.shape[1]))
+    friction = np.array([each.kind == "friction level" for each in fleet.quantities], dtype=bool)
+    axes = np.array([each.axis or 0 for each in fleet.quantities])
+    base = _means(fleet, value, first)[0][:, friction]
+    with np.errstate(invalid="ignore", divide="ignore"):
+        share = value[:, friction] / base[fleet.machine] - 1.0
+    if len(np.unique(axes[friction])) < FEWEST:
+        return value, error
+    common = common_shares(share, axes[friction])[:, np.newaxis]
+    # b from successive runs of a machine, unaffected by slow wear, with the prior 1 +- UNLIKE / 2
+    same = np.diff(fleet.machine, append=-1) == 0
+    steps = np.diff(share, axis=0, append=np.nan)
+    of_common = np.diff(common, axis=0, append=np.nan)
+    used = same[:, np.newaxis] & np.isfinite(steps) & np.isfinite(of_common)
+    noise = _median(np.where(used, steps - of_common, np.nan) ** 2) / MEDIAN_SQUARE
+    noise = np.fmax(noise, np.finfo(float).tiny)
+    prior = (UNLIKE / 2) ** -2
+    n = len(machines)
+    squares = _sums(np.where(used, of_common**2, 0.0), fleet.machine, n) / noise + prior
+    products = _sums(np.where(used, of_common * steps, 0.0), fleet.machine, n) / noise + prior
+    response = products / squares
+    value[:, friction] /= 1.0 + response[fleet.machine] * common
+    warm = np.repeat(common, value.shape[1], axis=1)
+    away = (_means(fleet, warm, newest)[0] - _means(fleet, warm, first)[0])[:, friction]
+    error[:, friction] = np.abs(away * base) / np.sqrt(squares)
+    return value, error
+
+
+def _sums(x: Array, machine: Indices, n: int) -> Array:
+    """Sum rows by machine, shape (n, n_columns)."""
+    return np.add.reduceat(
+        np.vstack([x, np.zeros((1, x.shape[1]))]), np.searchsorted(machine, np.arange(n)), axis=0
+    )
+
+
+def _median(x: Array) -> Array:
+    """Return the median of known values, by column; NaN for an empty column."""
+    known = np.isfinite(x).any(axis=0)
+    found = np.full(x.shape[1], np.nan)
+    found[known] = np.nanmedian(x[:, known], axis=0)
+    return found
+
+
+def _means(fleet: Fleet, value: Array, which: Mask) -> tuple[Array, Array, Array]:
+    """Return mean, error of the mean and number of `which` runs, (n_machines, n_quantities)."""
+    used = which[:, np.newaxis] & np.isfinite(value)
+    columns = np.ones_like(value), value, fleet.error**2
+    count, total, squares = (
+        _sums(np.where(used, x, 0.0), fleet.machine, len(fleet.machines)) for x in columns
+    )
+    with np.errstate(invalid="ignore", divide="ignore"):
+        return total / count, np.sqrt(squares) / count, count
+
+
+def _test(
+    T: Array, of_runs: Array, n_runs: Array, stated: Array, degrees: Array, allowance: Array
+) -> tuple[Array, Array, Array, Array, Array]:
+    """Return size, standard error, degrees of freedom, allowance and p-value of deviations T."""
+    machines = np.isfinite(T).sum(axis=0)
+    many, repeated = machines >= ENOUGH, n_runs >= ENOUGH
+    known = many | repeated
+    size = T - np.where(many, _median(T), 0.0)
+    spread = np.where(many, NORMAL * _median(np.abs(size)), 0.0)
+    error = np.where(known, np.fmax(np.where(repeated, of_runs, 0.0), spread), stated)
+    degrees = np.where(known, EFFICIENCY * np.where(many, machines, n_runs), degrees)
+    allowed = np.where(known, 0.0, allowance)
+    p = p_values(np.abs(size), allowed, np.where(error > 0.0, error, np.nan), degrees)
+    return size, error, degrees, allowed, p
+
 
 EXTRA = "fleet"
 FIELDS = {
@@ -65,7 +313,16 @@ def model_rows(
         An impossible date.
     """
     about, causes = found.provenance, found.excluded
-    time = _time(about.measured or about.identified, run)
+    # date in seconds since 1970; refuse an impossible one, which would misorder runs
+    measured = about.measured or about.identified
+    time, now = math.nan, datetime.now(UTC)
+    with suppress(ValueError, OverflowError):
+        time = datetime.fromisoformat(measured).timestamp()
+    if not 0.0 <= time <= now.timestamp() + ZONES:
+        raise FileError(
+            f"{run}: measured {measured[:40]!r} must be a date from 1970 to now"
+            f" ({now.date()}); check the clocks of both computers, and correct the date in the file"
+        )
     head = (
         about.robot, machine, run, key, digest, time, found.method,
         "" if found.verdict is None else found.verdict.word,
@@ -86,19 +343,6 @@ def model_rows(
             read.value, read.standard_error, read.degrees, read.allowance, warmth, indexed,
         ))  # fmt: skip
     return rows
-
-
-def _time(measured: str, run: str) -> float:
-    """Return a date in seconds since 1970; refuse an impossible one, which would misorder runs."""
-    time, now = math.nan, datetime.now(UTC)
-    with suppress(ValueError, OverflowError):
-        time = datetime.fromisoformat(measured).timestamp()
-    if not 0.0 <= time <= now.timestamp() + ZONES:
-        raise FileError(
-            f"{run}: measured {measured[:40]!r} must be a date from 1970 to now"
-            f" ({now.date()}); check the clocks of both computers, and correct the date in the file"
-        )
-    return time
 
 
 def table_of(rows: Sequence[tuple[Any, ...]]) -> Any:

@@ -14,7 +14,7 @@ from hil.estimation.campaign_friction import campaign_friction
 from hil.estimation.condensed import stack
 from hil.estimation.drive_train import find_drive_train
 from hil.estimation.excluded.proof import proved
-from hil.estimation.friction.history import history
+from hil.estimation.friction.points import history
 from hil.estimation.identify import default_method, estimate
 from hil.estimation.options import DEFAULTS
 from hil.estimation.two_step_methods import fill_reached_limits, prepare, prepared_for

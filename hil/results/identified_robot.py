@@ -29,7 +29,7 @@ if TYPE_CHECKING:
     from hil.estimation.consistent.result import ConsistentRobot
     from hil.estimation.excluded.result import ErrorTerm, Excluded
     from hil.estimation.intervals import Edge
-    from hil.estimation.local_values import LocalValue
+    from hil.estimation.local_fits import LocalValue
     from hil.estimation.prior import FromPrior
     from hil.friction.law import FrictionLaw
     from hil.model.robot import Robot

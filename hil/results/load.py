@@ -17,7 +17,7 @@ from hil.estimation.free_motion.variants import DEFAULT, VARIANTS
 from hil.estimation.free_motion_methods import estimate_from
 from hil.estimation.identify import restrict
 from hil.estimation.loads.evidence import condensed_like, free_motion_evidence, stroke_evidence
-from hil.estimation.loads.fit import fit_load
+from hil.estimation.loads.joint import fit_load
 from hil.estimation.noise_levels import noise_levels
 from hil.estimation.options import DEFAULTS
 from hil.estimation.simultaneous import SimultaneousFit

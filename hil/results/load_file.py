@@ -10,17 +10,15 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Annotated, Literal
 
 import numpy as np
-import yaml
 from pydantic import AfterValidator, BeforeValidator
 
-from checked_files.yaml_file import FileModel, load_yaml
+from checked_files.yaml_file import FileModel
 from hil.estimation.loads.figures import AxisMisfit, Figure
 from hil.model.base_parameters import base_parameters, link_share
 from hil.model.drive_train_file import USUAL_BOUND
 from hil.model.load import load_columns
 from hil.planning.measurement import ELEMENT_KINDS
-from hil.results.provenance import RunStamp, same_parameters
-from hil.runs.atomic_file import write_file
+from hil.results.provenance import KeptResult, RunStamp, same_parameters
 from hil.runs.journal import now
 from hil.version import __version__
 
@@ -36,7 +34,7 @@ if TYPE_CHECKING:
     from hil.runs.run import Run
 
 
-NAME, EARLIER = "load.yaml", "payload.yaml"
+NAME = "load.yaml"
 DRAWN = tuple(name for name, kind in ELEMENT_KINDS.items() if kind.figure)
 """Kinds of measurement in figures of the paper."""
 
@@ -89,7 +87,7 @@ class ElementRecord(FileModel):
     model: float
 
 
-class LoadFile(FileModel):
+class LoadFile(KeptResult):
     """Content of `load.yaml`.
 
     Attributes
@@ -120,6 +118,7 @@ class LoadFile(FileModel):
         Elements of Figs. 5 and 6 in the order of the plans; axes count from 1.
     """
 
+    names = NAME, "payload.yaml"
     format: Literal[1] = 1
     made: str
     version: str
@@ -192,23 +191,8 @@ def write_load(
         elements_without=_elements(before),
         elements_loaded=_elements(after),
     )
-    text = yaml.safe_dump(
-        kept.model_dump(mode="json"), sort_keys=False, width=100, allow_unicode=True
-    )
-    write_file(path / NAME, text.encode())
+    kept.write(path)
     return kept
-
-
-def read_load(folder: Run) -> LoadFile | None:
-    """Read the load file of a run; None without a file.
-
-    Raises
-    ------
-    FileError
-        A damaged file.
-    """
-    paths = (folder.path / name for name in (NAME, EARLIER))
-    return next((load_yaml(path, LoadFile) for path in paths if path.exists()), None)
 
 
 def _changes(

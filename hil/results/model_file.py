@@ -24,7 +24,7 @@ from hil.estimation.excluded.result import ErrorTerm, Excluded
 from hil.estimation.fit_details import NO_DETAILS
 from hil.estimation.free_motion.result import FreeMotionFit
 from hil.estimation.intervals import MANY, Edge, degrees_behind
-from hil.estimation.local_values import LocalValue
+from hil.estimation.local_fits import LocalValue
 from hil.estimation.prior import FromPrior
 from hil.friction.law import FrictionLaw
 from hil.model.base_parameters import base_parameters
@@ -65,7 +65,7 @@ class Parameter(FileModel):
 
 
 class LocalRecord(FileModel):
-    """Single measurement (`hil.estimation.local_values.LocalValue`); axes from 1."""
+    """Single measurement (`hil.estimation.local_fits.LocalValue`); axes from 1."""
 
     id: str
     kind: str

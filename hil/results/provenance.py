@@ -5,12 +5,13 @@ from __future__ import annotations
 import hashlib
 import os
 from contextlib import contextmanager
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, ClassVar, Self
 
 import numpy as np
 
-from checked_files.yaml_file import FileModel
+from checked_files.yaml_file import FileModel, load_yaml
 from hil.errors import NoLoad, NotEnoughData, NotIdentifiable
+from hil.runs.atomic_file import write_file
 from hil.runs.journal import was_simulated
 from hil.runs.run import Run
 
@@ -53,6 +54,30 @@ class Provenance(FileModel):
     def any_simulated(self) -> bool:
         """True if any recording of the model was measured on the virtual plant."""
         return was_simulated(self.simulated, self.bus)
+
+
+class KeptResult(FileModel):
+    """Result of a command, kept in a folder under the first of `names`; others are earlier ones."""
+
+    names: ClassVar[tuple[str, ...]]
+
+    def write(self, folder: Path) -> Path:
+        """Write the result into a folder, whole or not at all; return the path of the file."""
+        path = folder / self.names[0]
+        write_file(path, self.encode_yaml(100))
+        return path
+
+    @classmethod
+    def read(cls, folder: Path) -> Self | None:
+        """Read the result in a folder; None without a file.
+
+        Raises
+        ------
+        FileError
+            A damaged file.
+        """
+        paths = (folder / name for name in cls.names)
+        return next((load_yaml(path, cls) for path in paths if path.exists()), None)
 
 
 class RunStamp(FileModel):

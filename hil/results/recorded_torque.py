@@ -21,9 +21,8 @@ from hil.estimation.nuisances import STEP
 from hil.estimation.signals import signals
 from hil.friction.law import friction_torque, friction_variance, law_columns
 from hil.least_squares.solving import orthonormal, project_out
-from hil.least_squares.thinned import smooth_at
 from hil.least_squares.uncertainty import TWICE
-from hil.least_squares.window import APART
+from hil.least_squares.window import APART, smooth_at
 from hil.model.dynamics import gravity_torque, inverse_dynamics, regressor
 from hil.model.motors import motor_torque
 from hil.planning.free_motion import FreeMotion

@@ -16,7 +16,7 @@ from scipy import special
 
 from checked_files.yaml_file import FileModel
 from hil.estimation.excluded.saturation import LEVEL, share_at_top
-from hil.estimation.friction.history import history
+from hil.estimation.friction.points import history
 from hil.estimation.intervals import SIGNIFICANT
 from hil.estimation.options import ACCURACY
 from hil.friction.law import level_at

@@ -73,7 +73,7 @@ class Sight(FileModel):
     moved : float
         Time of motion in `scatter` [s].
     reversals : tuple of tuple of float, shape (4, n_distances)
-        Sums for the fit of presliding distance and damping (`hil.watching.turning`).
+        Sums for the fit of presliding distance and damping (`hil.watching.friction`).
     """
 
     axis: int

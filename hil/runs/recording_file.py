@@ -114,7 +114,17 @@ def read_measured(path: Path) -> Measured:
             there = set(file)  # `in` would follow links
             names = [f.name for f in fields(Recording) if f.default is MISSING or f.name in there]
             arrays = {name: _array(_dataset(path, file, name)) for name in names}
-            attributes = _attributes(file)
+            # read the scalar attributes but no arrays, which can repeat texts without bound
+            attributes: dict[str, object] = {}
+            for index in range(h5py.h5a.get_num_attrs(file.id)):
+                attribute = h5py.h5a.open(file.id, index=index)
+                if not attribute.shape:
+                    value = np.empty((), attribute.dtype)
+                    attribute.read(value)
+                    text = value[()]
+                    attributes[attribute.name.decode()] = (
+                        text.decode() if isinstance(text, bytes) else text
+                    )
         return _decode(path, arrays, attributes)
     except FileNotFoundError as error:
         raise FileError(f"{path}: cannot be read: no such file") from error
@@ -159,19 +169,6 @@ def _dataset(path: Path, file: h5py.File, name: str) -> h5py.h5d.DatasetID:
     largest = max(math.prod(dataset.shape), math.prod(chunk))
     refuse_beyond(path, largest * dataset.dtype.itemsize, name)
     return dataset
-
-
-def _attributes(file: h5py.File) -> dict[str, object]:
-    """Read the scalar attributes but no arrays, which can repeat texts without bound."""
-    found: dict[str, object] = {}
-    for index in range(h5py.h5a.get_num_attrs(file.id)):
-        attribute = h5py.h5a.open(file.id, index=index)
-        if not attribute.shape:
-            value = np.empty((), attribute.dtype)
-            attribute.read(value)
-            text = value[()]
-            found[attribute.name.decode()] = text.decode() if isinstance(text, bytes) else text
-    return found
 
 
 def _array(dataset: h5py.h5d.DatasetID) -> np.ndarray:

@@ -29,7 +29,21 @@ def set_points(motion: RecordedMotion, recording: Recording) -> Array | None:
     if isinstance(motion, FreeMotion):
         return None
     if isinstance(motion, Strokes):
-        return _stroke_positions(motion, recording)
+        found: Array = np.tile(np.array(motion.start), (recording.n_samples, 1))
+        moved: list[tuple[int, Numbers, Callable[[int], Trapezoid]]] = [
+            (motion.index, recording.stroke, motion.profile),
+            *(
+                (partner.index, recording.partner_stroke, partial(partner.profile, motion.q))
+                for partner in motion.partners
+            ),
+        ]
+        for joint, numbers, profile in moved:
+            strokes = [*_beginnings(numbers)]
+            ends = [first for first, _ in strokes[1:]] + [recording.n_samples]
+            for (first, number), end in zip(strokes, ends, strict=True):
+                t = recording.time[first:end] - recording.time[first]
+                found[first:end, joint] = profile(number).q(t)
+        return found
     return motion.motion(motion.within(path_time(recording)))[0]
 
 
@@ -52,24 +66,6 @@ def path_time(recording: Recording, delay: float = 0.0) -> Array:
     period = round(recording.period, 9)
     index: Array = np.rint((recording.time - recording.time[0]) / period)
     return (index + 1 - delay - round(REST / period)) * period
-
-
-def _stroke_positions(motion: Strokes, recording: Recording) -> Array:
-    found: Array = np.tile(np.array(motion.start), (recording.n_samples, 1))
-    moved: list[tuple[int, Numbers, Callable[[int], Trapezoid]]] = [
-        (motion.index, recording.stroke, motion.profile),
-        *(
-            (partner.index, recording.partner_stroke, partial(partner.profile, motion.q))
-            for partner in motion.partners
-        ),
-    ]
-    for joint, numbers, profile in moved:
-        strokes = [*_beginnings(numbers)]
-        ends = [first for first, _ in strokes[1:]] + [recording.n_samples]
-        for (first, number), end in zip(strokes, ends, strict=True):
-            t = recording.time[first:end] - recording.time[first]
-            found[first:end, joint] = profile(number).q(t)
-    return found
 
 
 def _beginnings(numbers: Numbers) -> Iterator[tuple[int, int]]:

@@ -1,7 +1,10 @@
-"""HTML of tables, from a Jinja template, and typesetting of parameter names."""
+"""HTML of tables, from a Jinja template, typesetting of parameter names, compression of data."""
 
 from __future__ import annotations
 
+import base64
+import gzip
+import json
 import re
 from functools import cache
 from pathlib import Path
@@ -17,6 +20,13 @@ if TYPE_CHECKING:
     from jinja2 import Template
 
     from hil.show.table import Table
+
+
+def deflate(data: object) -> str:
+    """Return compressed JSON of `data`, as text safe in HTML."""
+    text = json.dumps(data, separators=(",", ":"), allow_nan=False)
+    return base64.b64encode(gzip.compress(text.encode(), compresslevel=6, mtime=0)).decode()
+
 
 _NAME = re.compile(r"([A-Za-z])(\w*)")
 _POWER = re.compile(r"\^(\d+)")

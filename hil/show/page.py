@@ -10,8 +10,7 @@ from markupsafe import Markup
 
 from hil.runs.atomic_file import write_file
 from hil.runs.journal import now, versions
-from hil.show.deflated import deflate
-from hil.show.html import TEMPLATES, environment
+from hil.show.html import TEMPLATES, deflate, environment
 
 if TYPE_CHECKING:
     from pathlib import Path

@@ -9,14 +9,15 @@ from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
 from hil.show.charts import svg
+from hil.show.charts.chart import Chart
 from hil.show.charts.svg import file
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Mapping
+    from collections.abc import Callable, Iterable, Mapping
 
     from markupsafe import Markup
 
-    from hil.show.charts.chart import Chart
+    from hil.show.charts.chart import Panel
 
 
 @dataclass(frozen=True, eq=False)
@@ -28,21 +29,21 @@ class Plot:
     name : str
         Name of the plot's file; unique within a report.
     draw : callable
-        Function that returns the chart.
+        Function that yields the panels.
     alternative : str
         Alternative text for readers who cannot see the plot.
     caption : str
     """
 
     name: str
-    draw: Callable[[], Chart]
+    draw: Callable[[], Iterable[Panel]]
     alternative: str
     caption: str
 
     @cached_property
     def chart(self) -> Chart:
         """Chart, drawn once."""
-        return self.draw()
+        return Chart(tuple(self.draw()))
 
     @property
     def panels(self) -> list[tuple[float, Markup, Markup | None]]:

@@ -1,24 +1,28 @@
-"""State of a bus between sessions, in the user's state directory.
+"""Found settings of drives while the drives are commanded, and state of a bus between sessions.
 
-Commands without a folder keep the found settings in a file `.yaml`. A run has its own folder. While
-its drives hold values written by the run, a file `.run` names the settings file in the folder, so
-that no later session on the bus takes the written values for found settings. If the settings file
-is gone or its name is damaged, the found settings are unknown, and the bus is refused until the
-operator has decided. `.lock` is held by the process that commands the drives: restoring settings
-during a session would disarm the watchdogs of powered axes.
+Commands that power drives without a folder keep the found settings in the user's state directory,
+in a file `.yaml` for each bus, removed after the restoration. A run keeps them in its own folder.
+While its drives hold values written by the run, a file `.run` names the settings file in the
+folder, so that no later session on the bus takes the written values for found settings. If the
+settings file is gone or its name is damaged, the found settings are unknown, and the bus is refused
+until the operator has decided. `.lock` is held by the process that commands the drives: restoring
+settings during a session would disarm the watchdogs of powered axes. For the virtual plant, which
+is new each time, nothing is kept and nothing is locked.
 """
 
 from __future__ import annotations
 
 import re
+import sys
 from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from checked_files.yaml_file import FileError, read_text
-from drivers.found_settings.settings_file import load_found_settings
-from hil.runs.atomic_file import file_errors, locked_bus, write_file
-from hil.runs.user_state import state_folder
+from drivers.found_settings.keeping import SettingsKeeper
+from drivers.found_settings.settings_file import NAME, load_found_settings
+from hil.runs import SIMULATED
+from hil.runs.atomic_file import file_errors, locked_bus, state_folder, write_file
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -144,3 +148,84 @@ class BusState:
 def left_behind(path: Path) -> bool:
     """Return True if drives may hold values of the session kept in a file."""
     return path.exists() and bool(load_found_settings(path).unrestored)
+
+
+REPLAY = "replay"
+
+
+def kept_in(folder: Path, interface: str, channel: str) -> SettingsKeeper:
+    """Return the keeper of the drives' settings in the folder of a run."""
+    return SettingsKeeper(folder / NAME, write_file, (interface, channel))
+
+
+@contextmanager
+def keeper_of_run(folder: Path, interface: str, channel: str) -> Iterator[SettingsKeeper]:
+    """Keep the drives' settings in the folder of a run; a replay has no drives.
+
+    Raises
+    ------
+    FileError
+        The drives hold values of a killed session, or another process commands the drives.
+    """
+    if interface == REPLAY:
+        yield SettingsKeeper()
+        return
+    kept = folder / NAME
+    if interface == SIMULATED:
+        with _reported(kept_in(folder, interface, channel)) as keeper:
+            yield keeper
+        return
+
+    state = BusState(interface, channel)
+
+    def write(path: Path, content: bytes) -> None:
+        write_file(path, content)
+        state.name_run(kept)  # from here on, drives are written to
+
+    with state.locked():
+        state.refuse_left_behind(kept)
+        with _reported(SettingsKeeper(kept, write, (interface, channel))) as keeper:
+            try:
+                yield keeper
+            finally:
+                if not keeper.unrestored and not left_behind(kept):
+                    state.forget_run(kept)
+
+
+@contextmanager
+def keeper_of_bus(interface: str, channel: str | None) -> Iterator[SettingsKeeper]:
+    """Keep the drives' settings while a command without a folder powers the drives.
+
+    Raises
+    ------
+    FileError
+        The drives hold values of a killed session, or another process commands the drives.
+    """
+    if interface == SIMULATED:
+        yield SettingsKeeper()
+        return
+    state = BusState(interface, channel := channel or "")
+    path = state.settings
+    with state.locked():
+        state.refuse_left_behind(None)
+        with _reported(SettingsKeeper(path, state.write, (interface, channel))) as keeper:
+            try:
+                yield keeper
+            finally:
+                if path.exists() and not keeper.unrestored and load_found_settings(path).restored:
+                    with file_errors(path, "removed"):
+                        path.unlink(missing_ok=True)
+
+
+@contextmanager
+def _reported(keeper: SettingsKeeper) -> Iterator[SettingsKeeper]:
+    """State on standard error the file with settings not yet restored."""
+    try:
+        yield keeper
+    finally:
+        if keeper.unrestored and keeper.path is not None:
+            sys.stderr.write(
+                "not all drives have their earlier settings again; the file of these settings is "
+                f"{keeper.path}: with the drives off, restore them with hil drives restore "
+                f"{keeper.path}\n"
+            )

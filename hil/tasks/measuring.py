@@ -14,14 +14,13 @@ from checked_files.yaml_file import FileError, line_of
 from drivers.opening import open_drive_bus
 from hil.measuring.campaign import run_campaign
 from hil.planning.dry_run import dry_run as checked
-from hil.planning.plan import repeat_measurements
+from hil.planning.plan import opened_plan, repeat_measurements
 from hil.runs import SIMULATED
 from hil.runs.atomic_file import locked
 from hil.runs.journal import BusName
 from hil.runs.run import Run
 from hil.runs.run_folder import RunFolder
-from hil.tasks.found_settings import keeper_of_run
-from hil.tasks.plan_files import opened_plan
+from hil.tasks.bus_state import keeper_of_run
 from hil.tasks.robot_drives import (
     bus_cycle,
     following_of,

@@ -117,7 +117,7 @@ def plan(robot: Robot | Path | str | None = None, kind: str = "strokes", **optio
     (16, 'f6-01')
     """
     from hil.model.robot import Robot, refuse_unknown
-    from hil.planning.workspace_check import load_workspace
+    from hil.planning.plan import load_workspace
 
     if robot is not None:
         robot = robot if isinstance(robot, Robot) else Robot.load(robot)

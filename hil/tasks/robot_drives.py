@@ -15,13 +15,13 @@ import numpy as np
 from checked_files.yaml_file import FileError, read_text, refuse
 from drivers.axis import AxisScale
 from drivers.drives_file import load_drives
-from hil.estimation.consistent.likely_bodies import sized_bodies
+from hil.estimation.consistent.conditions import sized_bodies
 from hil.measuring.feeding import DELAY
 from hil.model.robot import ROBOTS
 from hil.planning import BITRATE
 from hil.planning.dry_run import BusCycle
-from hil.planning.lag import Following
 from hil.planning.prediction.noise import stated_noise
+from hil.planning.trajectory import Following
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence

@@ -15,8 +15,7 @@ from checked_files.yaml_file import FileError
 from hil.errors import InvalidValue
 from hil.runs.atomic_file import write_file
 from hil.runs.journal import versions
-from hil.show.deflated import deflate
-from hil.show.html import TEMPLATES, environment
+from hil.show.html import TEMPLATES, deflate, environment
 
 if TYPE_CHECKING:
     from collections.abc import Callable

@@ -28,7 +28,7 @@ from hil.estimation.free_motion_methods import fit_free_motions
 from hil.estimation.identify import METHODS
 from hil.estimation.local_fits import LOCAL_FITS
 from hil.export import formats
-from hil.measuring.motion import MANNERS
+from hil.measuring.sequencer import MANNERS
 from hil.planning.design.measurable_elements import ELEMENTS
 from hil.planning.measurement import ELEMENT_KINDS
 from hil.report.sections import OF_FRICTION, OF_IDENTIFIED
@@ -59,7 +59,7 @@ REGISTRIES = {
             Registry(file, [registry[name] for name in ELEMENT_KINDS])
             for file, registry in (
                 ("hil/planning/design/measurable_elements.py", ELEMENTS),
-                ("hil/measuring/motion.py", MANNERS),
+                ("hil/measuring/sequencer.py", MANNERS),
                 ("hil/estimation/local_fits.py", LOCAL_FITS),
             )
         ),

@@ -11,7 +11,7 @@ from synthetic import TABLE_3_A, Friction, record
 from hil.estimation.identify import estimate
 from hil.estimation.local_fits import ELSEWHERE, LOCAL_FITS
 from hil.measuring.checks.recording_checks import CHECKS, check
-from hil.measuring.motion import MANNERS
+from hil.measuring.sequencer import MANNERS
 from hil.model.dependencies import GROUPS
 from hil.planning.design.by_counts import design
 from hil.planning.design.measurable_elements import ELEMENTS

@@ -6,5 +6,5 @@ import json
 
 
 def inflated(text: str) -> object:
-    """Return the original of data packed by `hil.show.deflated.deflate`."""
+    """Return the original of data packed by `hil.show.html.deflate`."""
     return json.loads(gzip.decompress(base64.b64decode(text)))

@@ -14,7 +14,7 @@ import yaml
 import hil
 from checked_files.yaml_file import FileError
 from hil.cli import main
-from hil.estimation.consistent.likely_bodies import sized_bodies
+from hil.estimation.consistent.conditions import sized_bodies
 from hil.estimation.excluded.foreseen import foreseen
 from hil.estimation.identify import estimate
 from hil.ground_truth.comparison import comparison

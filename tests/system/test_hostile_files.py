@@ -28,8 +28,7 @@ from drivers.drives_file import DrivesFile, load_drives
 from drivers.found_settings.settings_file import load_found_settings
 from hil.imports.map_file import load_map
 from hil.model.robot import ROBOTS, Robot, parse_robot
-from hil.planning.plan import load_plan
-from hil.planning.workspace_check import load_workspace
+from hil.planning.plan import load_plan, load_workspace
 from hil.results.model_file import ModelFile
 from hil.runs.journal import read_journal
 from hil.runs.recording_file import read_measured

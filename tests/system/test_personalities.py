@@ -20,7 +20,7 @@ from personalities import FIT, UNFIT, drives_for, plant_file
 
 from drivers.drive_bus import DriveRefused
 from hil.estimation.identify import estimate
-from hil.measuring.checks.axis_limits import limited
+from hil.measuring.campaign import limited
 from hil.measuring.events import Recorded
 from hil.measuring.sequencer import measure
 from hil.model.dynamics import inverse_dynamics

@@ -18,9 +18,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 from scipy import special
 
-from hil.estimation.back_and_forth.excitation import NOTICEABLE
 from hil.estimation.back_and_forth.halves import COMMON, known, numbered_pairs
 from hil.estimation.back_and_forth.result import Combination, CurvePoint, FrictionCurve
+from hil.estimation.back_and_forth.solution import NOTICEABLE
 from hil.estimation.condensed import ROTOR
 from hil.estimation.free_motion.description import Residuals, loose_parameters
 from hil.estimation.free_motion.result import LOOSE
@@ -34,9 +34,8 @@ if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
 
     from hil.arrays import Array, Indices
-    from hil.estimation.back_and_forth.excitation import Excitation
     from hil.estimation.back_and_forth.halves import Halves
-    from hil.estimation.back_and_forth.solution import Solution
+    from hil.estimation.back_and_forth.solution import Excitation, Solution
     from hil.model.robot import Robot
 
 CLASSES = 12

@@ -18,27 +18,49 @@ since the residual of p is W-orthogonal to X. So the constrained least-squares s
 projection of p with V = s^2 N^-1, for any scale s. Unknowns without conditions (friction) are
 minimised over by taking their rows out of V = N^-1, which leaves N's Schur complement.
 
-This program determines p' and leaves z open; `hil.estimation.consistent.likeliest` chooses z. The
-program demands twice the thickness, to leave room for this choice.
+This program determines p' and leaves z open. It demands twice the thickness, to leave room for the
+choice of z.
 
 If the true parameters are bodies, d^2 is at most the distance to the truth, a chi-square of n_base
 degrees of freedom. Where errors are small against the curvature of the set, only directions of
 binding conditions count: d^2 is then a mixture of chi-squares of up to r (r + 1) / 2 degrees for
 each matrix of rank deficiency r. The largest number of degrees gives the greatest p-value.
+
+In the programs, candidates of standard parameters are ``phi = P (p + L x) + Z z``: P puts each base
+parameter into the first standard parameter of its sum, L L' is the covariance of p, so that x
+counts standard errors, and Z spans the directions without torque. The likely bodies of the links
+are the units, so that all numbers have similar size.
+
+Of all bodies with these base parameters, z chooses the nearest to likely bodies. The distance is
+the entropic divergence of normal distributions with pseudo-inertias J and J_0,
+
+    tr J_0^-1 J - log det J + log det J_0 - 4,
+
+which depends on neither frames nor units and keeps each J well inside the cone of positive definite
+matrices (Lee, Wensing and Park, IEEE Transactions on Robotics 36 (2020) 168-182). It is convex in J
+and self-concordant; Newton's method with damped steps finds its minimum from any start (Boyd and
+Vandenberghe, Convex Optimization, section 9.6). Other conditions, on masses and rotors, enter with
+their log det.
+
+Likely bodies from shapes are known up to scale: `rescaled` finds the common factors of mass, a, and
+of length, b, that minimise the divergence. Let s, t and m be the sums of tr J_0^-1 J over the
+spatial, the mixed and the mass block. In u = 1/b the total s u^2 + t u + m gives the minimum where
+s u^2 - t u - 3 m = 0, and a is a quarter of the total's mean over the links.
 """
 
 from __future__ import annotations
 
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
 from scipy import special
 
 from hil.errors import NotRealisable
-from hil.estimation.consistent.conditions import BodyBounds, conditions, tightened
-from hil.estimation.consistent.likely_bodies import likely_bodies
+from hil.estimation.consistent.conditions import BodyBounds, conditions, likely_bodies, tightened
 from hil.estimation.consistent.result import BindingCondition, ConsistentRobot, LinkBody
-from hil.estimation.consistent.space import Space
+from hil.estimation.consistent.semidefinite import Inequality, least_squares
+from hil.model.base_parameters import base_parameters
 from hil.model.frames import pseudo_inertia
 
 if TYPE_CHECKING:
@@ -48,6 +70,227 @@ if TYPE_CHECKING:
     from hil.estimation.consistent.conditions import Condition
     from hil.estimation.consistent.semidefinite import Solved
     from hil.model.robot import Robot
+
+    _Blocks = Sequence[tuple[Inequality, float]]
+
+
+_DECREMENT = 1e-9
+_RIDGE = 1e-13
+_ROUNDING = 1e-9
+_SHORTEST_STEP = 1e-9
+
+
+def likeliest(
+    bodies: Sequence[Inequality], others: Sequence[Inequality], pull: Array, z: Array
+) -> Array:
+    """Minimise the divergence from likely bodies over the free coordinates z.
+
+    Parameters
+    ----------
+    bodies : sequence of Inequality
+        Matrix of each link as a function of z, in units that make the likely body the unit matrix;
+        positive definite at the start.
+    others : sequence of Inequality
+        Further conditions that hold at the start.
+    pull : ndarray, shape (n_free,)
+        Small weight of each z's square, which decides directions that change no body.
+    z : ndarray, shape (n_free,)
+        Start.
+    """
+    # weight of a scalar condition's logarithm, against 1 of a body's log det
+    weights = [1.0] * len(bodies) + [1e-3] * len(others)
+    slope = np.sum([np.einsum("kkn->n", each.weights) for each in bodies], axis=0)
+    inside = [_entered(each, z) for each in (*bodies, *others)]
+    return _newton(list(zip(inside, weights, strict=True)), slope, pull, z)
+
+
+def rescaled(likely: Array, bodies: Array) -> Array:
+    """Return likely bodies with the scale nearest to `bodies`, both of shape (n_joints, 10)."""
+    spatial = mixed = mass = 0.0
+    for expected, body in zip(likely, bodies, strict=True):
+        parts = np.linalg.inv(pseudo_inertia(expected)) * pseudo_inertia(body)
+        spatial += float(parts[:3, :3].sum())
+        mixed += 2.0 * float(parts[:3, 3].sum())
+        mass += float(parts[3, 3])
+    u = (mixed + np.sqrt(mixed**2 + 12.0 * spatial * mass)) / (2.0 * spatial)
+    heavier = (spatial * u**2 + mixed * u + mass) / (4.0 * len(likely))
+    powers = np.array([2.0] * 6 + [1.0] * 3 + [0.0])
+    return np.asarray(heavier * likely * u**-powers)
+
+
+def _entered(block: Inequality, z: Array) -> Inequality:
+    """Widen an inequality by the violation at the start, due to rounding in a solver."""
+    lack = _ROUNDING - float(np.linalg.eigvalsh(block.constant + block.weights @ z)[0])
+    return block._replace(constant=block.constant + max(lack, 0.0) * np.eye(len(block.constant)))
+
+
+def _newton(blocks: _Blocks, slope: Array, pull: Array, z: Array) -> Array:
+    """Minimise ``slope z + pull z^2 / 2 - sum weight log det`` by Newton's method."""
+    # maximum number of Newton steps
+    for _ in range(200):
+        gradient, hessian = slope + pull * z, np.diag(pull)
+        for block, weight in blocks:
+            inverse = np.linalg.inv(block.constant + block.weights @ z)
+            turned = np.einsum("ij,jkn->nik", inverse, block.weights)
+            gradient = gradient - weight * np.einsum("nii->n", turned)
+            hessian = hessian + weight * np.einsum("nij,mji->nm", turned, turned, optimize=True)
+        unit = 1.0 / np.sqrt(np.diag(hessian))
+        scaled = hessian * np.outer(unit, unit) + _RIDGE * np.eye(len(z))
+        step = -unit * np.linalg.solve(scaled, unit * gradient)
+        descent = -float(gradient @ step)
+        if descent < _DECREMENT:
+            break
+        # a whole step, or nine tenths of the distance to a condition's boundary
+        worst = 0.0
+        for block, _ in blocks:
+            root = np.linalg.inv(np.linalg.cholesky(block.constant + block.weights @ z))
+            moved = root @ (block.weights @ step) @ root.T
+            worst = max(worst, -float(np.linalg.eigvalsh((moved + moved.T) / 2)[0]))
+        length = min(1.0, 0.9 / worst) if worst > 0 else 1.0
+        here = _value(blocks, slope, pull, z)
+        while _value(blocks, slope, pull, z + length * step) > here - 0.1 * length * descent:
+            length /= 2
+            if length < _SHORTEST_STEP:
+                return z
+        z = z + length * step
+    return z
+
+
+def _value(blocks: _Blocks, slope: Array, pull: Array, z: Array) -> float:
+    dets = [w * np.linalg.slogdet(block.constant + block.weights @ z)[1] for block, w in blocks]
+    return float(slope @ z + pull @ z**2 / 2 - sum(dets))
+
+
+_SAME_SCALE = 0.01
+_RANK = 1e-9
+_NEGLIGIBLE = 1e-13
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Space:
+    """Standard parameters phi = placement (p + root x) + free z.
+
+    Attributes
+    ----------
+    placement : ndarray, shape (n_standard, n_base)
+    p : ndarray, shape (n_base,)
+        Estimate.
+    root : ndarray, shape (n_base, n_moving)
+        Root of the covariance of `p`.
+    free : ndarray, shape (n_standard, n_free)
+    likely : ndarray, shape (n_joints, 10)
+    """
+
+    placement: Array
+    p: Array
+    root: Array
+    free: Array
+    likely: Array
+
+    @classmethod
+    def create(
+        cls, robot: Robot, whole: Robot, p: Array, covariance: Array, likely: Array
+    ) -> Space:
+        """Create the space around an estimate; `whole` is the robot with all link parameters."""
+        unit = _units(likely, len(whole.added_parameters))
+        scaled = base_parameters(whole).matrix * unit
+        _, values, rows = np.linalg.svd(scaled / np.linalg.norm(scaled, axis=1)[:, np.newaxis])
+        rank = int(np.sum(values > _RANK * values[0]))
+        free = unit[:, np.newaxis] * rows[rank:].T
+        return cls(base_parameters(robot).placement, p, _root(covariance), free, likely)
+
+    def free_absent(self, robot: Robot) -> Space:
+        """Return the space with the robot file's missing and tied parameters set free."""
+        stated = set(robot.present) - set(robot.ties)
+        absent = [k for k, name in enumerate(robot.standard_parameters) if name not in stated]
+        return replace(self, free=np.hstack([self.free, np.diag(self._unit)[:, absent]]))
+
+    @property
+    def open_masses(self) -> tuple[int, ...]:
+        """Links, from 1, with a mass that no torque determines."""
+        rows = np.abs(self.free[9 : self.likely.size : 10]) / self.likely[:, 9:]
+        return tuple(int(k) + 1 for k in np.flatnonzero(rows.max(axis=1, initial=0.0) > _RANK))
+
+    def nearest(self, asked: Sequence[Condition]) -> Solved:
+        """Solve for the smallest x, with any z, that meets the conditions."""
+        directions = np.hstack([self.placement @ self.root, self.free])
+        A = np.eye(self.root.shape[1], directions.shape[1])
+        inequalities = [self._inequality(each, self.p, directions) for each in asked]
+        return least_squares(A, np.zeros(len(A)), inequalities)
+
+    def moved(self, solved: Solved) -> Array:
+        """Return the base parameters p + L x of a solution."""
+        return np.asarray(self.p + self.root @ solved.u[: self.root.shape[1]])
+
+    def distance(self, solved: Solved) -> float:
+        """Return the squared distance |x|^2 of a solution from the estimate."""
+        return float(np.sum(solved.u[: self.root.shape[1]] ** 2))
+
+    def likeliest(self, asked: Sequence[Condition], solved: Solved, *, scaled: bool) -> Array:
+        """Return the likeliest standard parameters with the base parameters of a solution.
+
+        Parameters
+        ----------
+        scaled : bool
+            True if likely bodies are known up to scale.
+        """
+        z, space, n = solved.u[self.root.shape[1] :], self, self.likely.size
+        start = self.placement @ self.moved(solved)
+        # maximum number of alternations between bodies and scale of the likely bodies
+        for _ in range(20 if scaled else 1):
+            z = space._chosen(asked, self.moved(solved), z)
+            scale = rescaled(space.likely, (start + self.free @ z)[:n].reshape(-1, 10))
+            if np.allclose(scale[:, -1], space.likely[:, -1], rtol=_SAME_SCALE):
+                break
+            space = replace(space, likely=scale)
+        return np.asarray(start + self.free @ z)
+
+    def _chosen(self, asked: Sequence[Condition], p: Array, z: Array) -> Array:
+        """Return the likeliest z for base parameters p."""
+        if not z.size:
+            return z
+        n = self.likely.size
+        every = [self._inequality(each, p, self.free) for each in asked]
+        bodies = [each for each, of in zip(every, asked, strict=True) if of.link is not None]
+        others = [each for each, of in zip(every, asked, strict=True) if of.link is None]
+        added = self.free[n:] / self._unit[n:, np.newaxis]
+        # pull of added parameters towards zero, in units of the links' inertia
+        pull = 1e-6 * (1.0 + np.sum(added**2, axis=0))
+        return likeliest(bodies, others, pull, z)
+
+    @property
+    def _unit(self) -> Array:
+        return _units(self.likely, len(self.placement) - self.likely.size)
+
+    def _inequality(self, condition: Condition, p: Array, directions: Array) -> Inequality:
+        """Express a condition in coordinates of `directions` about p, in units of likely bodies."""
+        constant, weights = condition.evaluate(self.placement @ p), condition.weights @ directions
+        if condition.link is None:
+            size = float(np.abs(condition.weights * self._unit).max())
+            return Inequality(constant / size, weights / size)
+        # turns the likely body's pseudo-inertia into the unit matrix
+        back = np.linalg.inv(np.linalg.cholesky(pseudo_inertia(self.likely[condition.link])))
+        return Inequality(
+            back @ constant @ back.T, np.einsum("ij,jkn,lk->iln", back, weights, back)
+        )
+
+
+def _units(likely: Array, n_added: int) -> Array:
+    """Return the units of the standard parameters from the likely bodies, shape (n_standard,)."""
+    found = []
+    for body in likely:
+        inertia, mass = float(body[[0, 3, 5]].sum()), float(body[9])
+        found += [inertia] * 6 + [float(np.sqrt(inertia * mass))] * 3 + [mass]
+    return np.array(found + [float(np.mean(found[::10]))] * n_added)
+
+
+def _root(covariance: Array) -> Array:
+    """Return L with L L' = V, shape (n_base, rank)."""
+    error = np.sqrt(np.maximum(np.diag(covariance), 0.0))
+    scale = np.where(error > 0, error, 1.0)
+    values, vectors = np.linalg.eigh(covariance / np.outer(scale, scale))
+    kept = values > _NEGLIGIBLE * max(values[-1], 1e-300)
+    return np.asarray(scale[:, np.newaxis] * vectors[:, kept] * np.sqrt(values[kept]))
 
 
 SHAPES = "the links' shapes"

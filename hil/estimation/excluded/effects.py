@@ -18,7 +18,7 @@ import numpy as np
 
 from hil.estimation.drive_train import CERTAIN, compliance_units
 from hil.estimation.excluded.causes import uncertain
-from hil.estimation.friction.symmetry import judge_local_values
+from hil.estimation.friction.points import judge_local_values
 from hil.estimation.ripple_orders import unmodelled_ripple
 from hil.estimation.simultaneous import SimultaneousFit
 from hil.least_squares.window import LONGEST, SECOND, weights
@@ -29,7 +29,7 @@ if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator, Sequence
 
     from hil.arrays import Array, Indices
-    from hil.estimation.local_values import LocalValue
+    from hil.estimation.local_fits import LocalValue
     from hil.estimation.simultaneous import Joint
     from hil.model.robot import Robot
 

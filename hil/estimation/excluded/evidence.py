@@ -22,8 +22,7 @@ from hil.estimation.condensed import groups, stack_axis
 from hil.friction.equation import FEWEST, LOAD, limit_or_reached
 from hil.least_squares.blocks import Blocks
 from hil.least_squares.solving import orthonormal
-from hil.least_squares.thinned import smooth_at
-from hil.least_squares.window import weights
+from hil.least_squares.window import smooth_at, weights
 from hil.model.base_parameters import base_parameters
 from hil.model.motors import motor_torque
 

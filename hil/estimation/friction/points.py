@@ -1,4 +1,4 @@
-"""Friction torque at one speed, from a measurement at constant velocity.
+"""Friction torque at one speed, symmetry, and the motion history behind friction.
 
 Each stroke gives the mean torque T_k over its window of constant velocity. All windows of a
 measurement are cut to their common angles, over whole turns of the motor, so that gravity and
@@ -11,31 +11,222 @@ Without a gravity model, c is the mean gravity torque plus the asymmetry of fric
 half-difference of both directions at equal angles. With the parameters p_g of an identified model,
 g(q) is subtracted first; then c is the asymmetry alone, and the friction torques f + c forward and
 f - c back are separate.
+
+In the motion history, the mean speed during a recording is the distance divided by the duration.
+Nothing is sampled between recordings, but the plan is known: a rest, an exercise of a known
+duration, and travels between known positions.
+
+If the first trajectory begins later than `COLD` after the bus was entered, the axes have moved
+before, in repeated attempts: nothing else takes as long.
+
+Symmetry of friction in both directions is the one assumption of the two-step method. The published
+method takes half the sum of both directions for the gravity torque, so a difference between the
+directions becomes an error of p_g (eq. (14)). Each measurement gives this difference as a share of
+the friction level, (half-sum - gravity) / half-difference. For each axis the weighted mean over the
+measurements is tested against zero by Student's t. The error of the gravity model is common to all
+measurements, so it is added to the standard error of the mean.
+
+With enough data every gear is found to be asymmetric. A second p-value therefore tests the
+hypothesis that the asymmetry is no larger than a bound; an axis fails only if that is improbable.
+An offset of the current sensor looks exactly like asymmetry, and does the same harm.
 """
 
 from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
+from scipy import special
 
+from checked_files.yaml_file import FileModel
 from hil.errors import NotEnoughData
+from hil.estimation.intervals import SIGNIFICANT
 from hil.estimation.local_fits import SETTLING
 from hil.estimation.signals import signals
+from hil.friction.warmth import History
 from hil.least_squares.solving import orthonormal
+from hil.least_squares.uncertainty import scatter
 from hil.model.base_parameters import base_parameters
 from hil.model.dynamics import gravity_torque, regressor
+from hil.planning.measurement import FOR_A_LAW
+from hil.planning.strokes import TURN
+from hil.planning.trajectory import Trajectory
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable
+    from collections.abc import Iterable, Sequence
 
     from hil.arrays import Array, Mask
+    from hil.estimation.local_fits import LocalValue
     from hil.estimation.signals import Signals
     from hil.model.robot import Robot
-    from hil.planning.measurement import Friction
+    from hil.planning.measurement import Friction, RecordedMotion
     from hil.runs.recording import Recording
+
+
+BOUND = 0.02
+"""Largest acceptable asymmetry, as a share of the friction level: a convention; ``hil friction
+--asymmetry`` sets another bound."""
+
+
+class Symmetry(FileModel):
+    """Symmetry test of an axis, as stored in `friction.yaml`.
+
+    Attributes
+    ----------
+    measurements : int
+    asymmetry, standard_error : float
+        Excess of forward friction over the mean, as a share of the friction level.
+    p_zero : float
+        Probability of a mean at least as far from zero if friction is symmetric.
+    p_bound : float
+        Probability of a mean at least as far beyond `bound` if the asymmetry does not exceed it.
+    bound : float
+        Share of the friction level.
+    passed : bool
+        True if an identification may rely on symmetric friction of this axis.
+    """
+
+    measurements: int
+    asymmetry: float
+    standard_error: float
+    p_zero: float
+    p_bound: float
+    bound: float
+    passed: bool
+
+    @property
+    def verdict(self) -> str:
+        """Result of the symmetry test in words."""
+        if not self.passed:
+            return f"asymmetric by more than {100 * self.bound:g} %"
+        if self.p_zero < SIGNIFICANT:
+            return f"asymmetric, within {100 * self.bound:g} %"
+        return "no asymmetry found"
+
+
+def judge_points(points: Sequence[FrictionPoint], bound: float = BOUND) -> dict[int, Symmetry]:
+    """Test the symmetry of all axes with a known gravity torque; keys are axes from 0.
+
+    Parameters
+    ----------
+    points : sequence of FrictionPoint
+    bound : float
+        Largest acceptable asymmetry, as a share of the friction level.
+    """
+    found = {}
+    for axis in sorted({point.axis for point in points}):
+        own = [p for p in points if p.axis == axis and p.absolute and p.friction > 0]
+        if len(own) >= FOR_A_LAW:
+            level = np.array([p.friction for p in own])
+            shares = np.array([p.common for p in own]) / level
+            errors = np.array([p.common_error for p in own]) / level
+            gravity = float(np.mean([p.gravity_error / p.friction for p in own]))
+            found[axis] = _test(shares, errors, gravity, bound)
+    return found
+
+
+def judge_local_values(values: Iterable[LocalValue], bound: float = BOUND) -> dict[int, Symmetry]:
+    """Test the symmetry of axes from gravity measurements; result as in `judge_points`.
+
+    The parameters that predict gravity come from the same measurements. Unless the asymmetry of
+    friction was fitted too, as in the improved method, the parameters absorb the mean deviation of
+    an axis.
+    """
+    shares: dict[int, list[float]] = {}
+    for v in values:
+        if v.symbol == "g" and v.friction > 0:
+            shares.setdefault(v.axis, []).append((v.value - v.model) / v.friction)
+    return {
+        axis: _test(np.array(own), np.ones(len(own)), 0.0, bound)
+        for axis, own in sorted(shares.items())
+        if len(own) >= FOR_A_LAW
+    }
+
+
+def _test(shares: Array, errors: Array, common: float, bound: float) -> Symmetry:
+    """Test the weighted mean against zero and against the bound."""
+    # a few points with small errors must not decide the mean
+    weights = 1.0 / np.maximum(errors, float(np.median(errors))) ** 2
+    weights = weights / weights.sum()
+    mean, degrees = float(weights @ shares), len(shares) - 1
+    scores = (weights * (shares - mean))[:, np.newaxis]
+    error = math.hypot(scatter(scores, few=True)[0, 0] ** 0.5, common)
+    scale = max(error, float(np.finfo(float).tiny))
+    p_bound = float(special.stdtr(degrees, (bound - abs(mean)) / scale))
+    return Symmetry(
+        measurements=len(shares),
+        asymmetry=mean,
+        standard_error=error,
+        p_zero=float(2 * special.stdtr(degrees, -abs(mean) / scale)),
+        p_bound=p_bound,
+        bound=bound,
+        passed=p_bound >= SIGNIFICANT,
+    )
+
+
+COLD = 60.0
+"""Longest time from entering the bus to the first sample of a cold start [s]; travels and switching
+on take less (`hil run` uses it, too)."""
+
+
+class Positions(Protocol):
+    """Positions of the axes over time: a recording or signals."""
+
+    @property
+    def time(self) -> Array:
+        """Time, shape (n,) [s]."""
+
+    @property
+    def q(self) -> Array:
+        """Positions, shape (n, n_joints) [rad or m]."""
+
+
+def history(robot: Robot, recorded: Iterable[tuple[RecordedMotion, Positions]]) -> History:
+    """Put together the history of a run, in the order of measurement."""
+    in_time = sorted(recorded, key=lambda pair: float(pair[1].time[0]))
+    begin = float(in_time[0][1].time[0]) if in_time else 0.0
+    ends, speeds = [], []
+    last_time, last_q = begin, in_time[0][1].q[0] if in_time else np.zeros(robot.n_joints)
+    if begin > COLD and isinstance(in_time[0][0], Trajectory):
+        ends.append(begin)
+        speeds.append(_mean_speed(robot, in_time[0][1]))
+        begin = 0.0
+    for measurement, recording in in_time:
+        first = float(recording.time[0])
+        exercise, speed = _exercise(measurement, robot)
+        exercise = min(exercise, first - last_time)
+        idle = first - exercise - last_time
+        way = np.abs(np.nan_to_num(recording.q[0] - last_q))
+        if idle > 0:
+            ends.append(first - exercise)
+            speeds.append(way / idle / robot.velocity_limit)
+        if exercise > 0:
+            ends.append(first)
+            speeds.append(speed)
+        ends.append(float(recording.time[-1]))
+        speeds.append(_mean_speed(robot, recording))
+        last_time, last_q = ends[-1], recording.q[-1]
+    return History(np.array(ends), np.array(speeds).reshape(len(ends), robot.n_joints), begin)
+
+
+def _mean_speed(robot: Robot, way: Positions) -> Array:
+    """Compute the mean speed as shares of the velocity limits, shape (n_joints,)."""
+    steps = np.abs(np.nan_to_num(np.diff(way.q, axis=0))).sum(axis=0)
+    duration = max(float(way.time[-1] - way.time[0]), 1e-9)
+    return np.asarray(steps / duration / robot.velocity_limit)
+
+
+def _exercise(measurement: RecordedMotion, robot: Robot) -> tuple[float, Array]:
+    """Return duration [s] and speeds (shares of limits) of a friction measurement's exercise."""
+    speed = np.zeros(robot.n_joints)
+    if measurement.streamed or not measurement.exercised:
+        return 0.0, speed
+    i = measurement.index
+    mean = measurement.stroke / (measurement.profile(0).duration + TURN)
+    speed[i] = mean / float(robot.velocity_limit[i])
+    return measurement.exercised, speed
 
 
 FEWEST = 10
@@ -139,7 +330,24 @@ def point(
         No window of constant velocity in both directions.
     """
     i = m.index
-    windows = _windows(m, s, float(robot.gear_ratio[i]))
+    # select samples at constant velocity by stroke, over common angles: whole motor turns
+    gear_ratio = float(robot.gear_ratio[i])
+    steady = [_steady(m, s, stroke) for stroke in range(m.n_strokes)]
+    if any(window.sum() < FEWEST for window in steady):
+        raise NotEnoughData(
+            "no window of constant velocity in both directions; repeat the measurement"
+        )
+    q = s.q[:, m.index]
+    low = max(float(q[window].min()) for window in steady)
+    high = min(float(q[window].max()) for window in steady)
+    turn = math.tau / gear_ratio
+    if high - low > turn:
+        high = low + math.floor((high - low) / turn) * turn
+    windows = [window & (q >= low) & (q <= high) for window in steady]
+    if any(window.sum() < FEWEST for window in windows):
+        raise NotEnoughData(
+            "both directions share too few angles at constant velocity; repeat the measurement"
+        )
     gravity = gravity_torque(robot, model.p, s.q)[:, i] if model else np.zeros(len(s.time))
     torque = s.tau[:, i] - gravity
     middle = float(np.mean([s.q[w, i].mean() for w in windows]))
@@ -167,27 +375,6 @@ def point(
         gravity_error=math.sqrt(max(uncertain, 0.0)),
         absolute=model is not None or not base_parameters(robot).dependencies.gravity[i].any(),
     )
-
-
-def _windows(m: Friction, s: Signals, gear_ratio: float) -> list[Mask]:
-    """Select samples at constant velocity by stroke, over common angles: whole motor turns."""
-    steady = [_steady(m, s, stroke) for stroke in range(m.n_strokes)]
-    if any(window.sum() < FEWEST for window in steady):
-        raise NotEnoughData(
-            "no window of constant velocity in both directions; repeat the measurement"
-        )
-    q = s.q[:, m.index]
-    low = max(float(q[window].min()) for window in steady)
-    high = min(float(q[window].max()) for window in steady)
-    turn = math.tau / gear_ratio
-    if high - low > turn:
-        high = low + math.floor((high - low) / turn) * turn
-    shared = [window & (q >= low) & (q <= high) for window in steady]
-    if any(window.sum() < FEWEST for window in shared):
-        raise NotEnoughData(
-            "both directions share too few angles at constant velocity; repeat the measurement"
-        )
-    return shared
 
 
 def _steady(m: Friction, s: Signals, stroke: int) -> Mask:

@@ -1,1 +1,1 @@
-"""Checks of each recording during a run, while it can be repeated, and of axis limits."""
+"""Checks of each recording during a run, while repetition is possible."""

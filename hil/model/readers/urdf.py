@@ -196,7 +196,15 @@ class UrdfReader:
                 f"<{root.tag}> must be <robot>: this is {kind}; robots are read from a URDF, an"
                 " MJCF (hil.Robot.load, --robot), or a robot file ending in .yaml",
             )
-        self._refuse_xacro()
+        # refuse elements and expressions of xacro anywhere in the file
+        for element in self.file.root.iter():
+            if element.tag.startswith("xacro:"):
+                raise self.file.wrong(element, f"<{element.tag}> is not expanded; {XACRO}")
+            for key, value in element.items():
+                if "${" in value or "$(" in value:
+                    raise self.file.wrong(
+                        element, f"{key} {value!r} of <{element.tag}> is not expanded; {XACRO}"
+                    )
         self.links = self.file.named("link")
         self._edges = {name: self._edge(each) for name, each in self.file.named("joint").items()}
         self.below: dict[str, list[UrdfEdge]] = {}
@@ -349,17 +357,6 @@ class UrdfReader:
             " remove <mimic>; if that motor turns with two joints, as in a parallelogram drive,"
             " state couplings in a robot file, too",
         )
-
-    def _refuse_xacro(self) -> None:
-        """Refuse elements and expressions of xacro anywhere in the file."""
-        for element in self.file.root.iter():
-            if element.tag.startswith("xacro:"):
-                raise self.file.wrong(element, f"<{element.tag}> is not expanded; {XACRO}")
-            for key, value in element.items():
-                if "${" in value or "$(" in value:
-                    raise self.file.wrong(
-                        element, f"{key} {value!r} of <{element.tag}> is not expanded; {XACRO}"
-                    )
 
     def _joint(self, edge: UrdfEdge, before: Array) -> UrdfJoint:
         element = edge.element

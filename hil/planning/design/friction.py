@@ -24,8 +24,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from hil.planning.clearance import are_clear
-from hil.planning.design.measurable_elements import RANGE
-from hil.planning.design.standard_motions import RAMP_OF_CREEP
+from hil.planning.design.measurable_elements import RAMP_OF_CREEP, RANGE
 from hil.planning.halton import GOLDEN, halton
 from hil.planning.measurement import Friction
 from hil.planning.path_clearance import JointBoxes

@@ -12,6 +12,11 @@ all else eliminated, a criterion independent of the scales of mass and inertia. 
 first. From these the load is estimated, and the next strokes are as fast as the axes can move it.
 Torques of a measurement are computed for the possible loads; accelerations beyond the torque limits
 are reduced.
+
+For an imprecise parameter of the load, `helpful_poses` finds the axis position that best determines
+it. From all measurements feasible with the load, the one with the largest decrease of the
+parameter's predicted standard deviation is taken. Then the position of each axis at rest in this
+measurement is varied. The result is the axis with the largest effect, at its best position.
 """
 
 from __future__ import annotations
@@ -19,7 +24,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass, replace
 from functools import cached_property, lru_cache
-from typing import TYPE_CHECKING, Protocol
+from typing import TYPE_CHECKING, NamedTuple, Protocol
 
 import numpy as np
 
@@ -30,9 +35,9 @@ from hil.model.dynamics import inverse_dynamics
 from hil.model.load import FIRST_MOMENTS, INERTIAS, MASS, LoadColumns, load_columns
 from hil.model.motors import motor_torque
 from hil.model.robot_file import LINK_PARAMETERS
+from hil.planning.design.by_counts import TRAVEL, guarded_tour
 from hil.planning.design.by_minutes import assign_ids, order_by_travel, total_duration
 from hil.planning.design.candidates import judge, keeps_clear, pool
-from hil.planning.design.tour import TRAVEL, guarded_tour
 from hil.planning.measurement import shows_parameters
 from hil.planning.plan import make_plan
 from hil.planning.plan_values import replace_values
@@ -53,6 +58,91 @@ if TYPE_CHECKING:
 
     Poses = tuple[tuple[int, float], ...]
     Worth = tuple[tuple[Indices, Array], ...]
+    from hil.arrays import Array
+
+
+STEP = math.radians(15)
+"""Step between positions of a revolute axis."""
+
+
+class Pose(NamedTuple):
+    """Pose for another measurement of the load.
+
+    Attributes
+    ----------
+    axis : int
+        Axis to be held, from 1; if no position matters, the moving axis.
+    position : float or None
+        Position of the held axis [rad or m]; None if no position matters.
+    share : float
+        Predicted standard deviation after another measurement, relative to the present one.
+    """
+
+    axis: int
+    position: float | None
+    share: float
+
+
+def helpful_poses(
+    bare: WithoutLoad, plans: Sequence[Plan], found: FoundLoad, names: Sequence[str]
+) -> dict[str, Pose]:
+    """Find the pose that best shows each load parameter in `names`.
+
+    Parameters
+    ----------
+    plans : sequence of Plan
+        Plans measured so far.
+    names : sequence of str
+        Names as in the robot file, without the link's number; names absent there are ignored.
+    """
+    free = bare.columns.free
+    columns = {name: free[LINK_PARAMETERS.index(name)] for name in names}
+    search = _Search(bare, plans, found)
+    poses = {
+        name: search.best_pose(int(np.argmax(np.abs(row))))
+        for name, row in columns.items()
+        if row.any()
+    }
+    return {name: pose for name, pose in poses.items() if pose is not None}
+
+
+class _Search:
+    def __init__(self, bare: WithoutLoad, plans: Sequence[Plan], found: FoundLoad) -> None:
+        self.bare, self.found = bare, found
+        self.options = feasible_options(bare)
+        self.known = bare.before(self.options, plans)
+
+    def deviation(self, k: int, more: Worth = ()) -> float:
+        left = self.bare.load_information(self.known + self.bare.embed(more))
+        return float(np.sqrt(np.linalg.inv(left)[k, k]))
+
+    def best_pose(self, k: int) -> Pose | None:
+        now = self.deviation(k)
+        gains = [self.deviation(k, each.worth) for each in self.options]
+        # torques are checked only for the 40 most promising measurements, for speed
+        best = [self.options[at] for at in np.argsort(gains)[:40]]
+        fitting = feasible_options(self.bare, self.found, best)
+        if not fitting:
+            return None
+        measurement = fitting[0].measurement
+        still = [a for a in range(self.bare.robot.n_joints) if a not in measurement.moved]
+        curves = [(a, *self._curve(k, measurement, a)) for a in still]
+        axis, places, sizes = max(curves, key=lambda each: float(each[2].max() / each[2].min()))
+        # an axis's position matters if it changes the deviation by a fifth
+        if sizes.max() < 1.2 * sizes.min():
+            share = self.deviation(k, self.bare.judge(measurement)) / now
+            return Pose(measurement.moved[0] + 1, None, share)
+        return Pose(axis + 1, float(places[np.argmin(sizes)]), float(sizes.min() / now))
+
+    def _curve(self, k: int, measurement: ParameterMeasurement, axis: int) -> tuple[Array, Array]:
+        """Return positions of an axis, and the standard deviation after `measurement` at each."""
+        low, high = self.bare.robot.q_min[axis], self.bare.robot.q_max[axis]
+        places: Array = STEP * np.arange(math.ceil(low / STEP), math.floor(high / STEP) + 1)
+        if not self.bare.robot.revolute[axis]:
+            places = np.linspace(low, high, 9)
+        turned = (hold_axis(measurement, axis, float(at)) for at in places)
+        return places, np.array([self.deviation(k, self.bare.judge(each)) for each in turned])
+
 
 OFFSETS = 2
 """Number of common terms estimated separately per run and axis: a constant, and one with |qd|."""

@@ -8,16 +8,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from hil.report.sections import (
-    elements,
-    excluded,
-    friction,
-    imported,
-    kept,
-    of_run,
-    parameters,
-    torques,
-)  # fmt: skip
+from hil.report.sections import elements, friction, kept, parameters
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -26,12 +17,12 @@ if TYPE_CHECKING:
     from hil.show.section import Section
 
 OF_IDENTIFIED: tuple[Callable[[ReportedRun], Section | None], ...] = (
-    torques.torque,
+    friction.torque,
     kept.validation,
     parameters.parameters,
-    imported.identified,
-    excluded.excluded,
-    of_run.advice,
+    parameters.identified,
+    parameters.excluded,
+    kept.advice,
     elements.measured_and_modelled,
     kept.load,
     kept.diagnosis,
@@ -39,14 +30,14 @@ OF_IDENTIFIED: tuple[Callable[[ReportedRun], Section | None], ...] = (
     friction.friction_over_campaign,
     friction.friction,
     elements.torques,
-    of_run.drive_trains,
+    kept.drive_trains,
     parameters.methods,
-    of_run.sessions,
+    kept.sessions,
 )
 """Sections for an identified run, by any method."""
 OF_FRICTION: tuple[Callable[[ReportedRun], Section | None], ...] = (
-    torques.torque,
+    friction.torque,
     friction.friction,
-    of_run.sessions,
+    kept.sessions,
 )
 """Sections for a run about friction alone."""

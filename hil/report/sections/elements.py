@@ -14,14 +14,14 @@ import numpy as np
 from hil.commands.diagnose import residuals_over_angles
 from hil.planning.measurement import ELEMENT_KINDS, element_measurements
 from hil.results.tables import parameters as tables
-from hil.show.charts.chart import MODEL, Chart, Line, Panel, Points, Rule, chart
+from hil.show.charts.chart import MODEL, Line, Panel, Points, Rule
 from hil.show.section import Plot, Section
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping, Sequence
+    from collections.abc import Iterator, Mapping, Sequence
 
     from hil.estimation.estimate import Estimate
-    from hil.estimation.local_values import LocalValue
+    from hil.estimation.local_fits import LocalValue
     from hil.model.robot import Robot
     from hil.planning.measurement import ElementKind, ElementMeasurement
     from hil.report.reported_run import ReportedRun
@@ -108,45 +108,46 @@ def _angles_plot(name: str, kind: ElementKind, run: ReportedRun) -> Plot:
     )
 
 
-def measured_elements(values: Sequence[LocalValue], kind: ElementKind, robot: Robot) -> Chart:
+def measured_elements(
+    values: Sequence[LocalValue], kind: ElementKind, robot: Robot
+) -> Iterator[Panel]:
     """Draw measured and modelled elements of g(q) or M(q) of one kind.
 
     A panel per element: measured and modelled above, their difference below.
     """
-    keys = sorted({(value.axis, value.partner) for value in values})
-    numbered = list(enumerate(values, start=1))
-    return chart(
-        _element([(k, v) for k, v in numbered if (v.axis, v.partner) == key], kind, robot)
-        for key in keys
-    )
+    label = "measured, ± 2 standard errors"
+    for axis, partner in sorted({(value.axis, value.partner) for value in values}):
+        chosen = [
+            (number, value)
+            for number, value in enumerate(values, start=1)
+            if (value.axis, value.partner) == (axis, partner)
+        ]
+        x, ids = [number for number, _ in chosen], [value.id for _, value in chosen]
+        measured, error = np.array([value.shown for _, value in chosen]).T
+        model = np.array([value.model for _, value in chosen])
+        error = 2.0 * np.nan_to_num(error)
+        unit = kind.unit_of(robot, axis, partner)
+        yield Panel(
+            items=(
+                Line(x, model, width=0.7, opacity=0.6),
+                Points(x, model, "ring", MODEL, "modelled", size=3.2),
+                Points(x, measured, label=label, error=error, ids=ids),
+            ),
+            title=f"${kind.element(axis, partner)}$",
+            x_label="configuration number",
+            y_label=f"{kind.quantity} [{unit}]",
+            whole=True,
+            below=Panel(
+                items=(Rule(0.0, colour=MODEL), Points(x, measured - model, error=error, ids=ids)),
+                y_label=f"Δ [{unit}]",
+                height=48.0,
+            ),
+        )
 
 
-def _element(chosen: Sequence[tuple[int, LocalValue]], kind: ElementKind, robot: Robot) -> Panel:
-    axis, partner = chosen[0][1].axis, chosen[0][1].partner
-    x, ids = [number for number, _ in chosen], [value.id for _, value in chosen]
-    measured, error = np.array([value.shown for _, value in chosen]).T
-    model = np.array([value.model for _, value in chosen])
-    error = 2.0 * np.nan_to_num(error)
-    unit, label = kind.unit_of(robot, axis, partner), "measured, ± 2 standard errors"
-    return Panel(
-        items=(
-            Line(x, model, width=0.7, opacity=0.6),
-            Points(x, model, "ring", MODEL, "modelled", size=3.2),
-            Points(x, measured, label=label, error=error, ids=ids),
-        ),
-        title=f"${kind.element(axis, partner)}$",
-        x_label="configuration number",
-        y_label=f"{kind.quantity} [{unit}]",
-        whole=True,
-        below=Panel(
-            items=(Rule(0.0, colour=MODEL), Points(x, measured - model, error=error, ids=ids)),
-            y_label=f"Δ [{unit}]",
-            height=48.0,
-        ),
-    )
-
-
-def residuals(estimate: Estimate, robot: Robot, planned: Mapping[str, ElementMeasurement]) -> Chart:
+def residuals(
+    estimate: Estimate, robot: Robot, planned: Mapping[str, ElementMeasurement]
+) -> Iterator[Panel]:
     """Draw the residual torque of every measurement.
 
     Parameters
@@ -161,15 +162,13 @@ def residuals(estimate: Estimate, robot: Robot, planned: Mapping[str, ElementMea
         relative = [100 * _relative(value, robot, planned[value.id]) for value in values]
         places, ids = [number[value.id] for value in values], [value.id for value in values]
         points.append(Points(places, relative, kind.marker, kind.colour, name, ids=ids, size=2.6))
-    return chart(
-        Panel(
-            (Rule(0.0), *points),
-            x_label="measurement, in the plan's order",
-            y_label="measured − modelled [% of torque limit]",
-            whole=True,
-            width=1000.0,
-            height=220.0,
-        )
+    yield Panel(
+        (Rule(0.0), *points),
+        x_label="measurement, in the plan's order",
+        y_label="measured − modelled [% of torque limit]",
+        whole=True,
+        width=1000.0,
+        height=220.0,
     )
 
 

@@ -1,25 +1,324 @@
-"""Friction sections: over a campaign from step 1, and from friction measurements."""
+"""Friction sections: over a campaign from step 1, and by measurements (the paper's Figs. 1, 2).
+
+The leading section has measured and predicted torque over time, and friction over speed. The
+recordings are held out, from the model's last validation; without a validation they are those of
+the identification, as stated on the page.
+"""
 
 from __future__ import annotations
 
 from functools import partial
 from typing import TYPE_CHECKING
 
-from hil.commands.friction import models
-from hil.estimation.friction.symmetry import judge_local_values
-from hil.report.sections import friction_plots as plots
-from hil.results.identified_robot import lacking
+import numpy as np
+
+from hil.commands import friction as command
+from hil.commands.torques import torque_chart
+from hil.estimation.friction.points import judge_local_values
+from hil.estimation.local_fits import REFERENCE_SPEED
+from hil.friction.equation import SLOW
+from hil.least_squares.uncertainty import TWICE
+from hil.planning.measurement import ELEMENT_KINDS
+from hil.report.sections.parameters import friction_curves
+from hil.results.identified_robot import friction_alone, lacking
 from hil.results.tables import friction as tables
-from hil.results.tables.friction import campaign_friction
+from hil.show.charts.chart import (
+    GREEN,
+    INK,
+    MODEL,
+    MUTED,
+    PURPLE,
+    Band,
+    Line,
+    Panel,
+    Points,
+    Rule,
+    ordered_colours,
+)
 from hil.show.section import Plot, Section
+from hil.view.along_motion import most_demanding
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator
+    from collections.abc import Iterable, Iterator, Sequence
 
+    from hil.arrays import Array
     from hil.commands.friction import FrictionResult
     from hil.estimation.estimate import Estimate
+    from hil.estimation.friction.points import FrictionPoint
+    from hil.estimation.local_fits import LocalValue
+    from hil.friction.drift import Drift
+    from hil.friction.law import AxisLaw
     from hil.model.robot import Robot
+    from hil.planning.measurement import ElementKind
     from hil.report.reported_run import ReportedRun
+    from hil.results.model import Model
+    from hil.results.recorded_torque import PredictedTorque
+    from hil.show.charts.chart import Item
+
+
+POINTS = 150
+"""Maximum number of friction points per axis; more would overlap."""
+
+
+def torque(run: ReportedRun) -> Section | None:
+    """Create the section of torques over time and friction over speed."""
+    plots = (*_torque_plots(run), *_friction(run))
+    return Section("Torque", "torque.html", plots=plots, leads=True) if plots else None
+
+
+def _torque_plots(run: ReportedRun) -> Iterator[Plot]:
+    found = run.shown_torques if run.is_identified else None
+    if found is None or not found.stretches:
+        return
+    fitted = sorted({each.axis + 1 for each in found.stretches.values() if not each.own_friction})
+    beside = (
+        f" Friction of axis {', '.join(map(str, fitted))} (no law in the model) is fitted in the "
+        "recording."
+        if fitted
+        else ""
+    )
+    yield Plot(
+        "torque",
+        lambda: torque_chart(most_demanding(found.stretches), run.robot),
+        "Measured and predicted torque of every axis over time with its interval of 95 %, and their"
+        " difference below.",
+        f"Measured and predicted torque, low-passed; below, the residual. {found.words} Each "
+        "axis in a recording with large torques; no prediction close to standstill, where "
+        f"friction is not a function of velocity.{beside}",
+    )
+
+
+def _friction(run: ReportedRun) -> Iterator[Plot]:
+    if not run.is_identified:
+        if run.friction is not None and run.friction.axes:
+            yield models_plot(run.friction)
+    elif curves := run.model.details.curves:
+        yield _law_plot(
+            partial(friction_curves, curves, run.robot),
+            "half-differences of forward and backward torque, less that of the rigid bodies, "
+            "with intervals of 95 %. Dashed: Coulomb and viscous friction alone.",
+        )
+    elif run.model.friction_law.known and run.shown_torques.stretches:
+        yield _law_plot(
+            lambda: draw_friction(
+                run.model,
+                run.shown_torques.stretches.values(),
+                linked=run.shown_torques is run.own_torques,
+            ),
+            "measured torque less that of rigid bodies and motors, and the friction law at no "
+            "load with its interval of 95 %, wander included.",
+        )
+
+
+def _law_plot(draw: object, words: str) -> Plot:
+    return Plot(
+        "friction-law",
+        draw,  # type: ignore[arg-type]
+        "Friction of every axis over its speed, measured and by the law of friction.",
+        f"Torque of friction over the speed: {words}",
+    )
+
+
+def draw_friction(
+    model: Model, found: Iterable[PredictedTorque], *, linked: bool
+) -> Iterator[Panel]:
+    """Draw friction over speed, measured and from the model's law.
+
+    Points link to recordings if `linked`, for recordings of the run itself.
+    """
+    by_axis: dict[int, list[PredictedTorque]] = {}
+    for each in found:
+        by_axis.setdefault(each.axis, []).append(each)
+    for axis, law in enumerate(model.friction_law.axes):
+        if law is not None and axis in by_axis:
+            yield _law(model, axis, law, by_axis[axis], linked)
+
+
+def _law(
+    model: Model, axis: int, law: AxisLaw, own: Sequence[PredictedTorque], linked: bool
+) -> Panel:
+    robot = model.robot
+    speed, residual = (
+        np.concatenate([getattr(each, name) for each in own]) for name in ("qd", "residual")
+    )
+    # speed range of the law, or above a share of its reference speed
+    low, high = law.speeds or (SLOW * law.speed, np.inf)
+    there = (low <= np.abs(speed)) & (np.abs(speed) <= high) & np.isfinite(residual)
+    ids = np.repeat([each.measurement for each in own], [len(each.time) for each in own])[there]
+    speed, residual = speed[there], residual[there]
+    at = np.zeros(len(speed))
+    bands: list[Item] = []
+    lines: list[Item] = []
+    for side in (-1.0, 1.0):
+        here = side * speed > 0
+        if here.any():
+            slowest, fastest = np.abs(speed[here]).min(), np.abs(speed[here]).max()
+            v = np.linspace(slowest, fastest, 60)
+            level, error = friction_alone(model, axis, side * v)
+            half = TWICE * error
+            at[here] = np.interp(side * speed[here], v, level)
+            bands.append(Band(side * v, level - half, level + half, label="95 % interval"))
+            lines.append(Line(side * v, level, label="law of friction", width=1.8))
+    kept = np.linspace(0, len(speed) - 1, min(POINTS, len(speed))).astype(int)
+    order = np.argsort(speed)[kept]
+    return Panel(
+        (
+            Rule(0.0),
+            *bands,
+            Points(
+                speed[order], (at + residual)[order], "o", MUTED, "measured",
+                ids=ids[order].tolist() if linked else (), size=1.7,
+            ),
+            *lines,
+        ),
+        title=f"axis {axis + 1}",
+        x_label=f"speed [{robot.position_unit(axis)}/s]",
+        y_label=f"friction [{robot.torque_unit(axis)}]",
+        width=357.0,
+        height=140.0,
+    )  # fmt: skip
+
+
+STYLES = {
+    "linear": (MUTED, "1 3"),
+    "cube-root": (GREEN, "5 3"),
+    "arctan": (MODEL, ""),
+    "stribeck": (PURPLE, "6 2 1 2"),
+}
+"""Colour and dash pattern by friction model."""
+
+
+def _characteristic(own: Sequence[FrictionPoint], colour: str, label: str) -> Iterator[Item]:
+    """Draw friction in both directions over velocity."""
+    v = np.array([point.velocity for point in own])
+    forward = np.array([point.forward for point in own])
+    backward = np.array([point.backward for point in own])
+    x, y = np.append(-v[::-1], v), np.append(backward[::-1], forward)
+    ids = [point.id for point in own]
+    yield Line(x, y, colour)
+    yield Points(x, y, "o", colour, label, ids=[*ids[::-1], *ids], size=2.0)
+
+
+def model_curves(result: FrictionResult) -> Iterator[Panel]:
+    """Draw measured friction and fitted models of the axes: Fig. 1b."""
+    for fit in result.axes:
+        limit = float(result.robot.velocity_limit[fit.axis])
+        v = np.geomspace(fit.velocity.min(), fit.velocity.max(), 120)
+        lines = (
+            Line(
+                v / limit,
+                model.torque(v),
+                STYLES[kind][0],
+                kind,
+                STYLES[kind][1],
+                width=2.0 if kind == fit.chosen else 1.0,
+            )
+            for kind, model in fit.models.items()
+        )
+        yield Panel(
+            (*lines, Points(fit.velocity / limit, fit.torque, label="measured")),
+            title=f"axis {fit.axis + 1}: {fit.chosen}",
+            x_label="speed / speed limit",
+            y_label=f"friction [{result.robot.torque_unit(fit.axis)}]",
+            decades=True,
+        )
+
+
+def draw_levels(drifts: Sequence[Drift]) -> Iterator[Panel]:
+    """Draw friction levels over time with the fitted drift model: Fig. 2a."""
+    for each in drifts:
+        yield Panel(
+            tuple(_levels_in_time(each)),
+            title=f"axis {each.axis + 1}",
+            x_label="time [min]",
+            y_label="friction / its mean",
+        )
+
+
+def _levels_in_time(drift: Drift) -> Iterator[Item]:
+    minutes = np.array([level.time for level in drift.levels]) / 60
+    measured = np.array([level.friction for level in drift.levels])
+    groups = [level.group for level in drift.levels]
+    for group in dict.fromkeys(groups):
+        own = np.array([g == group for g in groups])
+        base = measured[own].mean()
+        yield Points(minutes[own], measured[own] / base, "o", label="measured", size=1.8)
+        yield Line(minutes[own], _insert_gaps(minutes[own], drift.fitted[own] / base),
+                   label="two states, three time constants")  # fmt: skip
+
+
+def _insert_gaps(minutes: Array, fitted: Array) -> Array:
+    """Insert gaps where the pause exceeds three times the usual interval."""
+    pauses = np.diff(minutes, prepend=minutes[:1])
+    return np.where(pauses > 3.0 * np.median(pauses), np.nan, fitted)
+
+
+def operation_curves(result: FrictionResult) -> Iterator[Panel]:
+    """Draw characteristics after several times of continuous operation: Fig. 2b."""
+    for axis in axes_in_operation(result):
+        curves = characteristics(result, axis)
+        begin = curves[0][0].time
+        items: list[Item] = [Rule(0.0, colour=INK)]
+        for curve, colour in zip(curves, ordered_colours(len(curves)), strict=True):
+            own = sorted(curve, key=lambda p: p.velocity)
+            after = f"after {(curve[0].time - begin) / 60:.0f} min of operation"
+            items += _characteristic(own, colour, after)
+        yield Panel(
+            tuple(items),
+            title=f"axis {axis + 1}",
+            x_label=f"speed [{result.robot.position_unit(axis)}/s]",
+            y_label=f"friction [{result.robot.torque_unit(axis)}]",
+            height=190.0,
+        )
+
+
+def characteristics(result: FrictionResult, axis: int) -> list[list[FrictionPoint]]:
+    """Group the points of an axis by exercise; groups with fewer than 4 speeds are left out."""
+    lists: list[list[FrictionPoint]] = [[]]
+    for point in sorted(result.axis_points(axis), key=lambda p: p.time):
+        if result.planned[point.id].exercise:
+            lists.append([])
+        lists[-1].append(point)
+    return [each for each in lists if len({p.velocity for p in each}) >= 4]
+
+
+def axes_in_operation(result: FrictionResult) -> list[int]:
+    """Return axes with characteristics after more than one time of operation."""
+    axes = sorted({point.axis for point in result.points})
+    return [axis for axis in axes if len(characteristics(result, axis)) > 1]
+
+
+def levels(local: Sequence[LocalValue], robot: Robot) -> Iterator[Panel]:
+    """Draw the friction of the axes over a campaign, from step 1."""
+    last = max((value.time for value in local), default=0.0) / 60
+    for axis in sorted({value.axis for value in local}):
+        yield Panel(
+            tuple(_levels([value for value in local if value.axis == axis])),
+            title=f"axis {axis + 1}",
+            x_label="robot time [min]",
+            y_label=f"friction [{robot.torque_unit(axis)}]",
+            x_range=(-0.02 * last, 1.02 * last),
+            height=125.0,
+        )
+
+
+def _levels(own: Sequence[LocalValue]) -> Iterator[Item]:
+    for name, kind in ELEMENT_KINDS.items():
+        chosen = [value for value in own if value.kind == name]
+        yield Points(
+            [value.time / 60 for value in chosen],
+            [value.friction for value in chosen],
+            kind.marker,
+            kind.colour,
+            _friction_label(kind),
+            ids=[value.id for value in chosen],
+            size=2.6,
+        )
+
+
+def _friction_label(kind: ElementKind) -> str:
+    speed = "creep speed" if kind.pair else f"{REFERENCE_SPEED:.0%} of the speed limit"
+    return f"{kind.name}, at {speed}"
 
 
 def friction_over_campaign(run: ReportedRun) -> Section | None:
@@ -31,7 +330,7 @@ def friction_over_campaign(run: ReportedRun) -> Section | None:
         "Friction over the campaign",
         "friction_over_campaign.html",
         {
-            "law": campaign_friction(run.model),
+            "law": tables.campaign_friction(run.model),
             "lack": lacking(run.model),
             "drift": tables.drift(run.found.drifts),
             "symmetry": tables.symmetry(judge_local_values(local)),
@@ -43,7 +342,7 @@ def friction_over_campaign(run: ReportedRun) -> Section | None:
 def _levels_plot(estimate: Estimate, robot: Robot) -> Plot:
     return Plot(
         "friction",
-        partial(plots.levels, estimate.local, robot),
+        partial(levels, estimate.local, robot),
         "Friction level of every axis over robot time, one panel per axis, markers by kind of "
         "measurement.",
         "Friction level of each axis, found with each element in step 1. Levels of different "
@@ -76,7 +375,7 @@ def friction(run: ReportedRun) -> Section | None:
         return None
     values = {
         "result": result,
-        "models": models(result),
+        "models": command.models(result),
         "symmetry": tables.symmetry(result.symmetry),
         "drift": tables.drift(result.drifts),
     }
@@ -90,7 +389,7 @@ def models_plot(result: FrictionResult) -> Plot:
     """Create the plot of friction over speed."""
     return Plot(
         "models",
-        partial(plots.models, result),
+        partial(model_curves, result),
         "Friction over speed with fitted models, one panel per axis.",
         "Measured friction and the models fitted to it (Fig. 1b); thick: the chosen model.",
     )
@@ -100,14 +399,14 @@ def _friction_plots(result: FrictionResult) -> Iterator[Plot]:
     if result.drifts:
         yield Plot(
             "over-time",
-            partial(plots.draw_levels, result.drifts),
+            partial(draw_levels, result.drifts),
             "Friction level over time, one panel per axis.",
             "Friction level in the course of time (Fig. 2a).",
         )
-    if plots.axes_in_operation(result):
+    if axes_in_operation(result):
         yield Plot(
             "in-operation",
-            partial(plots.operation_curves, result),
+            partial(operation_curves, result),
             "Friction characteristics after several durations of operation.",
             "Friction characteristics after several durations of continuous operation (Fig. 2b).",
         )

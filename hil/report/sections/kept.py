@@ -1,4 +1,4 @@
-"""Results kept in a run's folder by other commands, checked against the present run.
+"""Sections about a run: findings, drive trains, sessions, and results kept in its folder.
 
 A model (`model.yaml`) holds results of other commands: verdicts of validations, bodies. A load
 (`load.yaml`) and a diagnosis (`diagnosis.yaml`) take as long as the report itself, and a load needs
@@ -8,56 +8,54 @@ why and how to renew it.
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, TypeVar
+from typing import TYPE_CHECKING, Any
 
 from hil.commands import diagnose, payload
 from hil.errors import FileError
-from hil.results import consistency, load_file
+from hil.results import consistency
+from hil.results.load_file import LoadFile
+from hil.results.tables.parameters import drive_train
 from hil.show.outcome import Outcome
 from hil.show.rounding import significant, when
 from hil.show.section import Section
-from hil.show.table import Column, Marked, Table, figures, table
+from hil.show.table import Column, Marked, Part, Table, figures, table
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Sequence
+    from collections.abc import Sequence
 
     from hil.commands.diagnose import DiagnosisFile
+    from hil.model.robot import Robot
     from hil.report.reported_run import ReportedRun
-    from hil.results.judgement import KeptJudgement
-    from hil.results.load_file import LoadFile
-    from hil.runs.run import Run
-
-
-K = TypeVar("K", "LoadFile", "DiagnosisFile")
+    from hil.results.judgement import KeptJudgement, Reservation
+    from hil.runs.journal import Session
 
 
 def current(
-    read: Callable[[Run], K | None], run: ReportedRun, name: str, command: str
-) -> tuple[K | None, str]:
+    kind: type[LoadFile | DiagnosisFile], run: ReportedRun, command: str
+) -> tuple[Any, str]:
     """Read a kept result, or the reason for not showing it.
 
     Parameters
     ----------
-    read : callable
-        Function that returns the kept result of a folder, or None.
-    name : str
-        Name of the result's file.
+    kind : type
+        Kind of the result.
     command : str
         Command to renew the result.
 
     Returns
     -------
-    kept : K or None
+    kept : LoadFile, DiagnosisFile or None
     note : str
         Reason for not showing the result; empty if shown or missing.
     """
     try:
-        kept = read(run.source)
+        kept = kind.read(run.source.path)
         stale = kept.stale(run.source, run.model.values) if kept else ""
+        why = f"is stale and not shown: {stale}" if stale else ""
     except FileError as error:
-        return None, f"{name} cannot be used: {error}. Write it anew with: {command}"
-    if stale:
-        return None, f"{name} is stale and not shown: {stale}. Write it anew with: {command}"
+        why = f"cannot be used: {error}"
+    if why:
+        return None, f"{kind.names[0]} {why}. Write it anew with: {command}"
     return kept, ""
 
 
@@ -102,7 +100,7 @@ def bodies(run: ReportedRun) -> Section | None:
 def load(run: ReportedRun) -> Section | None:
     """Create the section of the kept load, or of the reason for its absence."""
     command = f"hil payload WITHOUT {run.source.path}"
-    found, note = current(load_file.read_load, run, load_file.NAME, command)
+    found, note = current(LoadFile, run, command)
     if found is None:
         return _section("The load", Outcome(), f"{note}.") if note else None
     bare = found.without
@@ -117,7 +115,7 @@ def load(run: ReportedRun) -> Section | None:
 def diagnosis(run: ReportedRun) -> Section | None:
     """Create the section of the kept diagnosis, or of the reason for its absence."""
     heading, command = "Parameters absent from the robot file", f"hil diagnose {run.source.path}"
-    found, note = current(diagnose.load_diagnosis, run, diagnose.NAME, command)
+    found, note = current(diagnose.DiagnosisFile, run, command)
     if found is None:
         return _section(heading, Outcome(), f"{note}.") if note else None
     intro = (
@@ -125,3 +123,67 @@ def diagnosis(run: ReportedRun) -> Section | None:
         "parameters that these measurements do not distinguish are tested as one."
     )
     return _section(heading, diagnose.file_outcome(found, run.robot), intro)
+
+
+def advice(run: ReportedRun) -> Section | None:
+    """Create the section of remedies and notes beyond the first sentence."""
+    outcome = run.model.verdict
+    items = (*(outcome.further if outcome else ()), *run.found.advice)
+    if run.source.imported and not items:
+        return None
+    urgent = [item for item in items if item.word != "good"]
+    notes = [item for item in items if item.word == "good"]
+    return Section(
+        "Findings and remedies",
+        "advice.html",
+        {"urgent": _findings(urgent), "notes": notes},
+    )
+
+
+def _findings(items: list[Reservation]) -> Table:
+    """Tabulate findings by remedy."""
+    remedies = dict.fromkeys(item.remedy for item in items)
+    parts = (
+        Part(
+            tuple((e.subject, e.reason) for e in items if e.remedy == each),
+            f"Remedy: {each}" if each else "",
+        )
+        for each in remedies
+    )
+    return table("", ("where", Column("finding", folds=True)), parts)
+
+
+def drive_trains(run: ReportedRun) -> Section | None:
+    """Create the section of drive trains; None without estimates."""
+    axes = drive_train(run.estimate, run.robot)
+    if not axes:
+        return None
+    return Section("Drive trains", "drive_train.html", {"axes": axes})
+
+
+def sessions(run: ReportedRun) -> Section:
+    """Create the section of sessions with axes, and digests of robot file and plan."""
+    listed = [(each, _session(each, run.robot)) for each in run.source.journal.sessions]
+    values = {"sessions": listed, "robot": run.robot, "plan": run.source.plan}
+    return Section("Sessions and drives", "sessions.html", values)
+
+
+def _session(session: Session, robot: Robot) -> Table:
+    units = robot.torque_units, robot.position_units
+    resolutions = (
+        f"{what} resolution, {unit}"
+        for what, unit in zip(("torque", "position"), units, strict=True)
+    )
+    return table(
+        "",
+        ("axis", Column("drive", folds=True), *figures(*resolutions)),
+        (
+            (
+                axis.name,
+                axis.identity,
+                f"{axis.torque_resolution:.3g}",
+                f"{axis.position_resolution:.3g}",
+            )
+            for axis in session.axes
+        ),
+    )

@@ -1,4 +1,7 @@
-"""Sections of base parameters: values, intervals, comparison of methods."""
+"""Sections of parameters: values, intervals, methods, excluded causes, and results of imports.
+
+For imported axes moving back and forth alone, half-sums and half-differences are drawn.
+"""
 
 from __future__ import annotations
 
@@ -12,12 +15,20 @@ from hil.estimation.identify import JOINT
 from hil.model.base_parameters import base_parameters
 from hil.results.model import Model
 from hil.results.model_file import NAME
+from hil.results.tables import excluded as causes
 from hil.results.tables import parameters as tables
-from hil.show.charts.chart import MODEL, Chart, Panel, Points, Rule, chart
+from hil.results.tables.friction import campaign_friction
+from hil.show.charts.chart import INK, MODEL, Line, Panel, Points, Rule, ordered_colours
 from hil.show.section import Plot, Section
 
 if TYPE_CHECKING:
+    from collections.abc import Iterator, Sequence
+
     from hil.arrays import Array
+    from hil.estimation.back_and_forth.description import HalfSums
+    from hil.estimation.back_and_forth.result import FrictionCurve
+    from hil.estimation.excluded.result import Excluded, Limit
+    from hil.model.robot import Robot
     from hil.report.reported_run import ReportedRun
     from hil.runs.run import Run
     from hil.show.charts.chart import Item
@@ -74,7 +85,7 @@ def methods(run: ReportedRun) -> Section | None:
     return Section("Improved and published method", "methods.html", values)
 
 
-def intervals(model: Model, check: Model | None, effect: Array) -> Chart:
+def intervals(model: Model, check: Model | None, effect: Array) -> Iterator[Panel]:
     """Draw 95 % intervals of the parameters, and the values of the published method.
 
     A kg m² matters more on a wrist than on a shoulder: errors are shown as torques on a free
@@ -96,14 +107,152 @@ def intervals(model: Model, check: Model | None, effect: Array) -> Chart:
                label="identified, with 95 % interval", size=2.6),
         *checked,
     )  # fmt: skip
-    return chart(
-        Panel(
-            items,
-            x_label="effect on the torque of the most affected axis [%]",
-            y_range=(0.3, len(order) + 0.7),
-            rows={float(row): base.titles[k] for row, k in zip(rows, order, strict=True)},
-            width=780.0,
-            left=260.0,
-            height=max(21.0 * len(order), 120.0),
-        )
+    yield Panel(
+        items,
+        x_label="effect on the torque of the most affected axis [%]",
+        y_range=(0.3, len(order) + 0.7),
+        rows={float(row): base.titles[k] for row, k in zip(rows, order, strict=True)},
+        width=780.0,
+        left=260.0,
+        height=max(21.0 * len(order), 120.0),
     )
+
+
+LEAST = 1e-3
+"""Lower end of the axis [%]: a tenth of the smallest detectable torque of measured campaigns."""
+
+
+def excluded(run: ReportedRun) -> Section | None:
+    """Create the section of excluded causes: findings, detectable sizes and torques."""
+    proof, n_joints = run.model.excluded, run.robot.n_joints
+    if proof is None:
+        return None
+    plot = Plot(
+        "excluded",
+        partial(dots, proof, n_joints),
+        "Largest undetected torque by each cause, for each axis.",
+        "Largest undetected torque by each cause, for each axis, in % of the axis's recorded "
+        "torque. Rings: causes invisible in these recordings, at their usual size.",
+    )
+    values = {
+        "excluded": causes.excluded(proof, n_joints),
+        "sentences": tuple(causes.sentences(proof)),
+    }
+    return Section("What is excluded", "excluded.html", values, (plot,))
+
+
+def dots(proof: Excluded, n_joints: int) -> Iterator[Panel]:
+    """Draw the largest undetected torques by cause and axis."""
+    drawn = [
+        each
+        for each in proof.limits
+        if 100.0 * each.unnoticed > LEAST and (each.cause, each.axis) not in proof.places
+    ]
+    names = list(dict.fromkeys(map(_name, drawn)))
+    most = max([100.0, *(100.0 * each.unnoticed for each in drawn)])
+    yield Panel(
+        [
+            _dot(each, len(names) - names.index(_name(each)), n_joints)
+            for each in sorted(drawn, key=lambda each: each.axis)
+        ],
+        x_label="largest undetected torque [%]",
+        x_range=(LEAST, most),
+        y_range=(0.4, len(names) + 0.6),
+        rows={float(len(names) - k): name for k, name in enumerate(names)},
+        decades=True,
+        width=760.0,
+        left=150.0,
+        height=max(30.0 * len(names), 120.0),
+    )
+
+
+def _name(limit: Limit) -> str:
+    return f"{limit.cause} {limit.part}".strip()
+
+
+def _dot(limit: Limit, row: int, n_joints: int) -> Item:
+    """Draw a dot in a row: axis 1 at the top, no axis in the middle."""
+    at = row + (0.35 - 0.7 * (limit.axis - 0.5) / n_joints if limit.axis else 0.0)
+    torque = 100.0 * limit.unnoticed
+    if limit.size is None:
+        return Points([torque], [at], "ring", INK, "invisible", size=2.4)
+    colour = ordered_colours(n_joints)[limit.axis - 1] if limit.axis else INK
+    label = f"axis {limit.axis}" if limit.axis else "all axes"
+    return Points([torque], [at], "o", colour, label, size=3.0)
+
+
+def identified(run: ReportedRun) -> Section | None:
+    """Create the section of the identified model, with plots of the data."""
+    if run.found.effect is not None:
+        return None
+    shown = run.model.summary()
+    values = {
+        "tables": (*shown.tables, campaign_friction(run.model)),
+        "remarks": shown.remarks,
+        "lengths": run.robot.file.lengths,
+    }
+    plots = tuple(_plots(run))
+    return Section("Parameters, friction and torques", "identified.html", values, plots)
+
+
+def _plots(run: ReportedRun) -> Iterator[Plot]:
+    if run.estimate.half_sums:
+        yield Plot(
+            "half-sums",
+            partial(draw_half_sums, run.estimate.half_sums, run.robot),
+            "Torque of the rigid bodies over the position of each axis, measured and modelled.",
+            "Gravity and, during acceleration, inertia: half-sum of forward and backward torque "
+            "over the position, less effects that differ by direction. Means over the pairs with "
+            "standard errors, for the recordings of the longest strokes, one colour each; lines: "
+            "model.",
+        )
+
+
+def draw_half_sums(half_sums: Sequence[HalfSums], robot: Robot) -> Iterator[Panel]:
+    """Draw measured and modelled torques of the rigid bodies over position, by axis.
+
+    The six recordings with the longest strokes are shown per axis.
+    """
+    axes = sorted({each.axis for each in half_sums})
+    for axis in axes:
+        yield Panel(
+            tuple(_half_sums([each for each in half_sums if each.axis == axis])),
+            title=f"axis {axis + 1}",
+            x_label=f"position [{robot.position_unit(axis)}]",
+            y_label=_torque(robot, axis),
+        )
+
+
+def _half_sums(own: Sequence[HalfSums]) -> Iterator[Item]:
+    longest = sorted(own, key=lambda each: -float(np.ptp(each.q)))[:6]
+    for each, colour in zip(longest, ordered_colours(len(longest)), strict=True):
+        error = np.nan_to_num(each.standard_error)
+        yield Points(each.q, each.measured, "o", colour, error=error, size=1.6)
+        yield Line(each.q, each.model, colour)
+
+
+def friction_curves(curves: Sequence[FrictionCurve], robot: Robot) -> Iterator[Panel]:
+    """Draw friction over speed, by axis."""
+    for curve in curves:
+        axis = curve.axis - 1
+        speed = np.array([point.speed for point in curve.points])
+        friction = np.array([point.friction for point in curve.points])
+        half = np.array([point.half_width or 0.0 for point in curve.points])
+        items: list[Item] = [Points(speed, friction, "o", label="measured", error=half, size=2.2)]
+        if curve.plain:
+            coulomb, viscous = (curve.plain[name].value for name in ("Coulomb", "viscous"))
+            ends = np.array([0.0, speed.max()])
+            items.append(Line(ends, coulomb + viscous * ends, MODEL, "Coulomb and viscous", "5 3"))
+        low, high = min(0.0, float(np.min(friction - half))), float(np.max(friction + half))
+        yield Panel(
+            tuple(items),
+            title=f"axis {curve.axis}",
+            x_label=f"speed [{robot.position_unit(axis)}/s]",
+            y_label=_torque(robot, axis),
+            x_range=(0.0, 1.05 * float(speed.max())),
+            y_range=(low, high + 0.08 * (high - low)),
+        )
+
+
+def _torque(robot: Robot, axis: int) -> str:
+    return "torque [N m]" if robot.revolute[axis] else "force [N]"

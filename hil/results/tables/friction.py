@@ -13,7 +13,7 @@ from hil.show.table import Column, Part, Table, figures, table
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator, Mapping, Sequence
 
-    from hil.estimation.friction.symmetry import Symmetry
+    from hil.estimation.friction.points import Symmetry
     from hil.friction.drift import Drift
     from hil.friction.law import AxisLaw
     from hil.results.identified_robot import IdentifiedRobot

@@ -11,7 +11,7 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Literal
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Iterator, Mapping, Sequence
+    from collections.abc import Iterator, Mapping, Sequence
 
     from numpy.typing import ArrayLike
 
@@ -183,8 +183,3 @@ class Chart:
             yield from panel.items
             if panel.below is not None:
                 yield from panel.below.items
-
-
-def chart(panels: Iterable[Panel] | Panel) -> Chart:
-    """Create a chart from panels or a single panel."""
-    return Chart((panels,) if isinstance(panels, Panel) else tuple(panels))

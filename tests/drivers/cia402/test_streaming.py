@@ -17,7 +17,7 @@ from drivers.drives_file import load_drives
 from drivers.opening import open_drive_bus
 from drivers.safety.trips import Trips
 from hil.measuring.checks.recording_checks import check
-from hil.measuring.streaming import pass_slowly, stream
+from hil.measuring.travel import pass_slowly, stream
 from hil.model.robot import ROBOTS, Robot
 from hil.planning.trajectory import Trajectory
 from sim_plant.physics import profile_generator

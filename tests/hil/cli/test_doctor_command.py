@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING
 
 import pytest
 
-from hil.cli import computer
-from hil.cli.computer import CanInterface, Readings, judge
+from hil.cli import doctor
+from hil.cli.doctor import CanInterface, Readings, judge
 
 if TYPE_CHECKING:
     from command_line import Hil
@@ -72,7 +72,7 @@ def test_what_hinders_measuring_is_stated_with_what_to_do(
 def test_the_exit_status_is_1_only_where_a_point_fails(
     hil: Hil, monkeypatch: pytest.MonkeyPatch, disk: float, status: int
 ) -> None:
-    monkeypatch.setattr(computer, "read_computer", lambda *_: replace(GOOD, disk=disk))
+    monkeypatch.setattr(doctor, "read_computer", lambda *_: replace(GOOD, disk=disk))
     left, out, _ = hil("doctor")
     assert left == status
     assert ("FAIL  disk" in out) == bool(status)

@@ -26,7 +26,7 @@ from drivers.operator_tools import put_back
 from hil.cli import bus_access
 from hil.planning.plan import Plan, dump_plan
 from hil.runs.run_folder import RunFolder
-from hil.tasks import found_settings
+from hil.tasks import bus_state
 from hil.tasks.bus_state import BusState
 
 if TYPE_CHECKING:
@@ -198,13 +198,13 @@ def test_a_command_without_a_folder_keeps_what_it_found_until_it_is_put_back(
     path = BusState(*PLACE).settings
     assert path.is_relative_to(tmp_path)
     seen: list[bool] = []
-    real = found_settings.SettingsKeeper.close
+    real = bus_state.SettingsKeeper.close
 
-    def close(self: found_settings.SettingsKeeper, *arguments: object) -> list[str]:
+    def close(self: bus_state.SettingsKeeper, *arguments: object) -> list[str]:
         seen.append(path.exists())
         return real(self, *arguments)
 
-    monkeypatch.setattr(found_settings.SettingsKeeper, "close", close)
+    monkeypatch.setattr(bus_state.SettingsKeeper, "close", close)
     with plant_process(PLACE, "--clock", "wall"):
         status, out, err = hil("drives", "jog", slow, 6, "--by", 1, *where, "--yes")
     assert (status, err) == (0, "")
@@ -253,7 +253,7 @@ def killed_run(folder: Path) -> None:
     """Create the folder of a run killed while its drives had power."""
     folder.mkdir()
     with (
-        found_settings.keeper_of_run(folder, *BUS) as keeper,
+        bus_state.keeper_of_run(folder, *BUS) as keeper,
         local_drives.LocalBus(NODES, {}) as can_bus,
         CanopenDriveBus(can_bus, drives_file(), keeper=keeper),
     ):
@@ -271,22 +271,22 @@ def test_where_the_folder_of_a_killed_run_is_gone_its_bus_is_refused_until_it_is
     word = BusState(*BUS).word
     assert word.is_relative_to(state)
     for keeper in (
-        found_settings.keeper_of_bus(*BUS),
-        found_settings.keeper_of_run(tmp_path / "other", *BUS),
-        found_settings.keeper_of_run(folder, *BUS),
+        bus_state.keeper_of_bus(*BUS),
+        bus_state.keeper_of_run(tmp_path / "other", *BUS),
+        bus_state.keeper_of_run(folder, *BUS),
     ):
         with pytest.raises(FileError, match="put its folder back") as caught, keeper:
             pass
         assert f"{folder / NAME}: is missing" in str(caught.value)
         assert f"remove {word}" in str(caught.value)
     elsewhere.rename(folder)
-    with found_settings.keeper_of_run(folder, *BUS):
+    with bus_state.keeper_of_run(folder, *BUS):
         pass
     assert word.exists(), "nothing was put back"
 
 
 def test_a_run_that_writes_to_no_drive_leaves_nothing(state: Path, tmp_path: Path) -> None:
-    with found_settings.keeper_of_run(tmp_path / "run", *BUS):
+    with bus_state.keeper_of_run(tmp_path / "run", *BUS):
         assert not BusState(*BUS).word.exists(), "a kill leaves nothing either"
     assert [path.suffix for path in state.iterdir()] == [".lock"]
 
@@ -300,7 +300,7 @@ def test_a_damaged_name_of_a_run_is_refused_with_the_remedy(
     word.write_bytes(content)
     with (
         pytest.raises(FileError, match=r"hil drives restore FOLDER/found-settings\.yaml") as caught,
-        found_settings.keeper_of_bus(*BUS),
+        bus_state.keeper_of_bus(*BUS),
     ):
         pass
     assert str(caught.value).startswith(f"{word}:")
@@ -375,7 +375,7 @@ def test_no_session_begins_while_settings_are_put_back(
     refused: list[str] = []
 
     def begin(*_: object) -> Iterator[None]:
-        with pytest.raises(FileError) as caught, found_settings.keeper_of_bus(*BUS):
+        with pytest.raises(FileError) as caught, bus_state.keeper_of_bus(*BUS):
             pass
         refused.append(str(caught.value))
         return iter(())

@@ -13,7 +13,7 @@ import pytest
 from every_command import every_command
 from small_run import write_run
 
-from hil.cli import completion
+from hil.cli import arguments
 from hil.cli.equipment import STATUSES, examples_of
 from hil.cli.examples import EXAMPLES
 from hil.cli.outputs import Status
@@ -78,19 +78,19 @@ def test_the_statuses_are_those_that_commands_end_with(hil: Hil) -> None:
 
 
 def test_names_complete_as_they_are_taken(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    assert set(completion.METHODS) == set(METHODS)
-    assert set(completion.FORMATS) == {*FORMATS, *SIMULATORS, *RECORDINGS}
+    assert set(arguments.METHODS) == set(METHODS)
+    assert set(arguments.FORMATS) == {*FORMATS, *SIMULATORS, *RECORDINGS}
     monkeypatch.chdir(tmp_path)
-    assert completion.robots("") == sorted(available_robots())
+    assert arguments.robots("") == sorted(available_robots())
     (tmp_path / "runs" / "first").mkdir(parents=True)
     (tmp_path / "runs" / "first" / "run.json").touch()
     (tmp_path / "runs" / "second").mkdir()
     (tmp_path / "plan.yaml").touch()
-    assert completion.runs("ru") == ["runs/"]
-    assert completion.runs("runs/") == ["runs/first", "runs/second/"]
-    assert completion.runs("nowhere/") == []
-    assert completion.files("") == ["plan.yaml", "runs/"]
-    assert completion.robots("p") == ["plan.yaml"]
+    assert arguments.runs("ru") == ["runs/"]
+    assert arguments.runs("runs/") == ["runs/first", "runs/second/"]
+    assert arguments.runs("nowhere/") == []
+    assert arguments.files("") == ["plan.yaml", "runs/"]
+    assert arguments.robots("p") == ["plan.yaml"]
 
 
 @pytest.mark.long

@@ -10,11 +10,9 @@ from possible_models import bodies
 from synthetic import TABLE_3_A
 
 from hil.errors import InvalidValue
-from hil.estimation.consistent.conditions import BodyBounds, tightened
-from hil.estimation.consistent.likely_bodies import likely_bodies
-from hil.estimation.consistent.nearest import nearest_robot, thickness_of
+from hil.estimation.consistent.conditions import BodyBounds, likely_bodies, tightened
+from hil.estimation.consistent.nearest import Space, nearest_robot, thickness_of
 from hil.estimation.consistent.semidefinite import Inequality, least_squares
-from hil.estimation.consistent.space import Space
 from hil.model.added_parameters import added_inertias
 from hil.model.base_parameters import base_parameters
 from hil.model.drive_train_file import CoupledMotor

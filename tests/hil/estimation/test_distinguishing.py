@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from hil.errors import UnknownName
-from hil.estimation.consistent.likely_bodies import sized_bodies
+from hil.estimation.consistent.conditions import sized_bodies
 from hil.estimation.excluded.distinguishing import causes_named, distinguish
 from hil.estimation.excluded.foreseen import foreseen
 from hil.planning.design.by_counts import design

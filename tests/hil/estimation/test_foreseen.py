@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from pydantic import ValidationError
 
-from hil.estimation.consistent.likely_bodies import sized_bodies
+from hil.estimation.consistent.conditions import sized_bodies
 from hil.estimation.excluded.foreseen import foreseen, recorded
 from hil.estimation.excluded.result import Limit
 from hil.model.dynamics import inverse_dynamics

@@ -10,7 +10,7 @@ from hil.errors import NotEnoughData, NotIdentifiable
 from hil.estimation.identify import estimate
 from hil.estimation.local_fits import local_fit
 from hil.estimation.signals import signals
-from hil.estimation.two_step import TwoStep
+from hil.estimation.two_step_methods import TwoStep
 from hil.model.base_parameters import base_parameters
 from hil.model.dynamics import gravity_torque, inverse_dynamics, mass_matrix
 from hil.model.robot import Robot, parse_robot

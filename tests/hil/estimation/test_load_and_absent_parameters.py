@@ -6,12 +6,11 @@ import numpy as np
 import pytest
 from synthetic import TABLE_3_A, Friction, record
 
-from hil.estimation.absent_parameters import examine
+from hil.estimation.absent_parameters import SEEN, examine, models, shifted_most
 from hil.estimation.drive_train import directly_driven, find_drive_train
-from hil.estimation.gravity_phase import SEEN, models, shifted_most
 from hil.estimation.identify import estimate
 from hil.estimation.loads.evidence import condensed_like, stroke_evidence
-from hil.estimation.loads.fit import fit_load
+from hil.estimation.loads.joint import fit_load
 from hil.estimation.noise_levels import noise_levels
 from hil.estimation.signals import signals
 from hil.estimation.simultaneous import SimultaneousFit
@@ -151,15 +150,15 @@ def test_a_centre_of_mass_off_the_axis_is_ranked_first(off_axis):
 def test_what_is_left_out_shifts_the_sinusoid_that_gravity_is_over_an_angle(robot, off_axis):
     found, run = off_axis
     phase = shifted_most(estimate(robot, run), found, robot.torque_limit)
-    angle = np.linspace(-3.0, 3.0, 7)
+    angle, axis, over = np.linspace(-3.0, 3.0, 7), phase.axis - 1, phase.over - 1
     q = np.tile(phase.q, (len(angle), 1))
-    q[:, phase.over] = angle
+    q[:, over] = angle
     for p, sinusoid in zip(models(found), (phase.stated, phase.extended), strict=True):
-        torque = gravity_torque(found.complete, p, q)[:, phase.axis]
+        torque = gravity_torque(found.complete, p, q)[:, axis]
         assert sinusoid.evaluate(angle) == pytest.approx(torque, abs=1e-9)
     assert abs(phase.shift) > SEEN
-    own = [m for m, _ in run if m.kind == "gravity" and m.index == phase.axis]
-    assert phase.angle == pytest.approx([m.q[phase.over] for m in own], abs=1e-6)
+    own = [m for m, _ in run if m.kind == "gravity" and m.index == axis]
+    assert phase.angle == pytest.approx([m.q[over] for m in own], abs=1e-6)
 
 
 def test_signals_behind_an_estimate_have_its_drive_train_taken_into_account(robot, runs):

@@ -14,7 +14,7 @@ from twin_recordings import TwinRecorder, brick, scale_gains
 from hil.estimation.free_motion.gathering import Gathered, gather
 from hil.estimation.free_motion.variants import DEFAULT, VARIANTS
 from hil.estimation.loads.evidence import free_motion_evidence, stroke_evidence
-from hil.estimation.loads.fit import fit_load
+from hil.estimation.loads.joint import fit_load
 from hil.estimation.signals import signals
 from hil.estimation.simultaneous import SimultaneousFit
 from hil.model.load import load_columns

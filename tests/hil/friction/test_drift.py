@@ -5,8 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from hil.estimation.friction.points import FrictionPoint
-from hil.estimation.friction.symmetry import judge_points
+from hil.estimation.friction.points import FrictionPoint, judge_points
 from hil.friction.drift import REFERENCE, Level, drift
 from hil.friction.warmth import History
 

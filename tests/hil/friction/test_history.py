@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from hil.estimation.friction.history import history
+from hil.estimation.friction.points import history
 from hil.model.robot import Robot
 from hil.planning.measurement import Friction
 from hil.planning.strokes import TURN

@@ -5,8 +5,7 @@ import pytest
 from synthetic import TABLE_3_A, Friction, record
 
 import hil
-from hil.estimation.friction.points import GravityModel, points
-from hil.estimation.friction.symmetry import judge_points
+from hil.estimation.friction.points import GravityModel, judge_points, points
 from hil.planning.design.friction import sweep
 
 OFFSET = np.array([1.0, -2.0, 0.5, 0.3, -0.2, 0.1])

@@ -3,8 +3,7 @@
 import numpy as np
 import pytest
 
-from hil.least_squares.thinned import smooth_at
-from hil.least_squares.window import smooth
+from hil.least_squares.window import smooth, smooth_at
 
 PERIOD = 0.004
 

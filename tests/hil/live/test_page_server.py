@@ -17,10 +17,18 @@ import pytest
 from live_page import PUSH, SERVER, STOP, Served, events, hand, served, watching
 
 from drivers.drive_bus import Sample
-from hil.live import incoming, page_server, streams
-from hil.live.incoming import REQUEST_MAX, WAITING_MAX, is_ours
+from hil.live import page_requests, page_server, streams
 from hil.live.listener import Listener, ListenerFailed
-from hil.live.page_requests import FILES, LONGEST, STRONGEST, Site, takes_time
+from hil.live.page_requests import (
+    FILES,
+    LONGEST,
+    REQUEST_MAX,
+    STRONGEST,
+    WAITING_MAX,
+    Site,
+    is_ours,
+    takes_time,
+)
 from hil.live.page_server import PageServer
 from hil.live.streams import CLIENTS_MAX, Streams
 from sim_plant.serving import hand as plants_hand
@@ -380,7 +388,7 @@ def test_a_stop_is_taken_where_every_place_of_a_page_is_taken(
 def test_a_request_that_does_not_come_whole_in_time_is_left(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    monkeypatch.setattr(incoming, "DEADLINE", 0.2)
+    monkeypatch.setattr(page_requests, "DEADLINE", 0.2)
     with (
         _serve_in_process() as (port, _),
         socket.create_connection(("127.0.0.1", port), timeout=30) as slow,

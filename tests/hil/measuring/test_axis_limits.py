@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from drivers.drive_bus import AxisInfo, LimitExceeded
-from hil.measuring.checks.axis_limits import limited, refuse_beyond
+from hil.measuring.campaign import limited, refuse_beyond
 
 if TYPE_CHECKING:
     from hil.model.robot import Robot

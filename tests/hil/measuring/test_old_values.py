@@ -12,7 +12,7 @@ from any_clock import ACCELERATION, CLOCKS, PERIOD, ROBOT, SOUND
 
 from drivers.drive_bus import DriveRefused, SampleFlag
 from hil.estimation.signals import signals
-from hil.measuring.checks.old_values import mark_old_values
+from hil.measuring.checks.encoder_jumps import mark_old_values
 from hil.measuring.checks.recording_checks import LASTING, check
 
 if TYPE_CHECKING:

@@ -6,8 +6,8 @@ from typing import TYPE_CHECKING
 
 import pytest
 
-from hil.measuring import pacing
-from hil.measuring.pacing import PacedBus
+from hil.measuring import feeding
+from hil.measuring.feeding import PacedBus
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -39,7 +39,7 @@ class Clock:
 @pytest.fixture
 def clock(monkeypatch: pytest.MonkeyPatch) -> Clock:
     found = Clock()
-    monkeypatch.setattr(pacing, "time", found)
+    monkeypatch.setattr(feeding, "time", found)
     return found
 
 
@@ -66,10 +66,10 @@ def test_samples_come_as_fast_as_in_real_time_then_faster(
     lock_step: IdealBus, clock: Clock
 ) -> None:
     paced, period = PacedBus(lock_step, 5.0), lock_step.period
-    real = round(0.9 * pacing.REAL_TIME / period)
-    assert took(paced, real, clock) == pytest.approx(real * period, abs=pacing.LATE)
-    took(paced, round(5 * 4 * pacing.DOUBLED / period), clock)
-    assert took(paced, 1000, clock) == pytest.approx(1000 * period / 5, abs=pacing.LATE)
+    real = round(0.9 * feeding.REAL_TIME / period)
+    assert took(paced, real, clock) == pytest.approx(real * period, abs=feeding.LATE)
+    took(paced, round(5 * 4 * feeding.DOUBLED / period), clock)
+    assert took(paced, 1000, clock) == pytest.approx(1000 * period / 5, abs=feeding.LATE)
 
 
 def test_at_a_high_speed_samples_come_many_at_a_time_and_late_sleep_is_made_up_for(
@@ -87,7 +87,7 @@ def test_real_time_shows_each_sample_when_it_is_due(lock_step: IdealBus, clock: 
     begun = paced.sample().time
     for _ in range(50):
         behind = clock.now - 100.0 - (paced.samples(1000)[-1].time - begun)
-        assert abs(behind) <= pacing.AT_ONCE
+        assert abs(behind) <= feeding.AT_ONCE
 
 
 def test_what_came_late_is_not_made_up_for(lock_step: IdealBus, clock: Clock) -> None:
@@ -95,4 +95,4 @@ def test_what_came_late_is_not_made_up_for(lock_step: IdealBus, clock: Clock) ->
     took(paced, 5, clock)
     clock.now += 0.3
     period = lock_step.period
-    assert took(paced, 26, clock) >= 25 * period - pacing.LATE
+    assert took(paced, 26, clock) >= 25 * period - feeding.LATE

@@ -12,8 +12,14 @@ from hypothesis import strategies as st
 
 from drivers.drive_bus import SampleFlag, Tripped
 from hil.measuring.checks.encoder_jumps import refuse_jumps
-from hil.measuring.checks.recording_checks import ALWAYS, check, frozen
-from hil.measuring.checks.stroke_checks import constant_velocity, half_sums, windows
+from hil.measuring.checks.recording_checks import (
+    ALWAYS,
+    check,
+    constant_velocity,
+    frozen,
+    half_sums,
+    windows,
+)
 from hil.model.robot import Robot
 from hil.planning.measurement import Gravity
 from hil.runs.recording import IDLE, Recording

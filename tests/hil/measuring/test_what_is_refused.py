@@ -12,8 +12,7 @@ from any_clock import FRICTION, GRAVITY, INERTIA, PERIOD, ROBOT, WAVE, followed,
 
 from drivers.drive_bus import SampleFlag, Tripped
 from hil.measuring.checks.encoder_jumps import refuse_jumps
-from hil.measuring.checks.recording_checks import check
-from hil.measuring.checks.stroke_checks import constant_velocity
+from hil.measuring.checks.recording_checks import check, constant_velocity
 from hil.planning.strokes import MARGIN, SHORTEST_WINDOW
 from hil.runs.recording import IDLE
 

@@ -17,9 +17,8 @@ from hil.model.robot import ROBOTS, Robot
 from hil.planning.design.by_counts import design
 from hil.planning.dry_run import dry_run
 from hil.planning.measurement import Gravity
-from hil.planning.plan import Plan, WarmUp, dump_plan, load_plan
+from hil.planning.plan import Plan, WarmUp, dump_plan, load_plan, load_workspace, remarks
 from hil.planning.workspace import Box, Workspace
-from hil.planning.workspace_check import load_workspace, remarks
 from hil.tasks.measuring import describe_problems
 from hil.tasks.robot_drives import narrowed_drives
 

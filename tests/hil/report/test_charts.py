@@ -10,9 +10,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from hil.show.charts.axis import Scale
 from hil.show.charts.chart import Chart, Line, Panel, Points, Rule
-from hil.show.charts.svg import file, panels
+from hil.show.charts.svg import Scale, file, panels
 
 POINTS = Points([0.0, 1.0], [2.0, 3.0], label="measured <&>", error=[0.1, 0.1], ids=["g01", "g02"])
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from hil.estimation.excluded.result import Excluded, Limit
-from hil.report.sections.excluded import dots
+from hil.report.sections.parameters import dots
 from hil.show.charts.chart import Points
 
 
@@ -12,7 +12,7 @@ def limit(cause: str, axis: int, size: float | None, torque: float = 0.01) -> Li
 
 
 def drawn(*limits: Limit) -> list[Points]:
-    (panel,) = dots(Excluded(found=(), limits=limits, tests=1), 2).panels
+    (panel,) = dots(Excluded(found=(), limits=limits, tests=1), 2)
     return [item for item in panel.items if isinstance(item, Points)]
 
 
@@ -34,6 +34,6 @@ def test_what_makes_no_torque_is_not_drawn() -> None:
 
 def test_each_cause_has_a_row_in_the_order_of_the_table() -> None:
     limits = limit("joint offset", 1, 0.3), limit("spring", 1, 0.3), limit("joint offset", 2, 0.1)
-    (panel,) = dots(Excluded(found=(), limits=limits, tests=1), 2).panels
+    (panel,) = dots(Excluded(found=(), limits=limits, tests=1), 2)
     assert panel.rows == {2.0: "joint offset", 1.0: "spring"}
     assert [item.label for item in drawn(*limits)] == ["axis 1", "axis 1", "axis 2"]

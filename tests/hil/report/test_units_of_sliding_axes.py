@@ -10,8 +10,8 @@ import pytest
 
 from hil.commands.diagnose import shifted_sinusoid
 from hil.commands.payload import load_chart
+from hil.estimation.absent_parameters import Phase, Sinusoid
 from hil.estimation.drive_train import compliance_units
-from hil.estimation.gravity_phase import Phase, Sinusoid
 from hil.model.robot import Robot
 from hil.planning.free_motion import FreeMotion
 from hil.planning.measurement import ELEMENT_KINDS
@@ -63,9 +63,10 @@ def test_plots_of_a_load_and_of_a_phase(scara: Robot) -> None:
     )
     wave = Sinusoid(0.0, 1.0, 0.0)
     phase = Phase(
-        axis, 0, np.zeros(scara.n_joints), wave, wave, np.zeros(1), np.zeros(1), np.zeros(1)
-    )
-    (load,) = load_chart([record], [record], ELEMENT_KINDS["gravity"], scara).panels
-    (shift,) = shifted_sinusoid(phase, "sz1", scara).panels
+        axis=axis + 1, over=1, q=(0.0,) * scara.n_joints, stated=wave, extended=wave,
+        angle=(0.0,), torque=(0.0,), standard_error=(0.0,),
+    )  # fmt: skip
+    (load,) = load_chart([record], [record], ELEMENT_KINDS["gravity"], scara)
+    (shift,) = shifted_sinusoid(phase, "sz1", scara)
     assert load.y_label == f"{ELEMENT_KINDS['gravity'].quantity} [N]"
     assert shift.y_label.endswith("[N]")

@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from hil.results.deviations import FLEET, Fleet, deviations, runs_in_ten_years
+from hil.results.fleet_index import FLEET, Fleet, deviations, runs_in_ten_years
 from hil.results.quantities import Quantity
 
 MONTH = 365.25 / 12 * 86400.0

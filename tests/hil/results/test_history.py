@@ -12,13 +12,12 @@ from hypothesis import given
 from hypothesis import strategies as st
 from stated_model import stated_model
 
-from hil.commands.history import monitoring_data
+from hil.commands.history import history_of, monitoring_data, read_history
 from hil.errors import FileError, InvalidValue, Mismatch
 from hil.estimation.intervals import SIGNIFICANT
 from hil.friction.law import TermValue, level_at
 from hil.model.robot import Robot
 from hil.results.changes import Change, adjusted, change
-from hil.results.history import history_of, read_history
 from hil.results.quantities import Quantity, Reading
 
 if TYPE_CHECKING:

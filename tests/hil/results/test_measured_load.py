@@ -12,6 +12,7 @@ from synthetic import TABLE_3_A, Friction, record
 from drivers.drive_bus import AxisInfo
 from hil import cli
 from hil.cli.payload import LEAST_MINUTES
+from hil.commands.payload import advised, unsure, verdict
 from hil.errors import InvalidValue, Mismatch, NoLoad, NotEnoughData
 from hil.model.base_parameters import base_parameters
 from hil.model.robot import Robot
@@ -21,10 +22,10 @@ from hil.planning.design.load import (
     SLOW_SHARE,
     fast_plan,
     feasible_options,
+    helpful_poses,
     load_capacity,
     slow_plan,
 )
-from hil.planning.design.load_pose import helpful_poses
 from hil.planning.plan import PlannedRobot, dump_plan, load_plan
 from hil.planning.timetable import timetable
 from hil.results.load import (
@@ -35,7 +36,6 @@ from hil.results.load import (
     require_load,
 )
 from hil.results.load_file import NAME, write_load
-from hil.results.load_verdict import advised, unsure, verdict
 from hil.runs.journal import axis_records
 from hil.runs.recording_file import Measured
 from hil.runs.run import Run

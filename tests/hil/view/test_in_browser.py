@@ -15,8 +15,7 @@ from hil.planning.design.by_counts import design
 from hil.planning.trajectory import Trajectory
 from hil.planning.workspace import Box, Workspace
 from hil.view.page import write_page
-from hil.view.planned import planned
-from hil.view.scene import plan_scene, robot_scene
+from hil.view.scene import plan_scene, planned, robot_scene
 
 if TYPE_CHECKING:
     from collections.abc import Iterator

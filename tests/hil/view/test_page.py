@@ -27,11 +27,10 @@ from hil.planning.workspace import Box, Workspace
 from hil.runs.recording_file import Measured
 from hil.runs.run import Run
 from hil.runs.run_folder import RunFolder
-from hil.show.deflated import deflate
+from hil.show.html import deflate
 from hil.view import page
 from hil.view.packed import packed
-from hil.view.planned import planned
-from hil.view.scene import plan_scene, robot_scene, run_scene
+from hil.view.scene import plan_scene, planned, robot_scene, run_scene
 
 if TYPE_CHECKING:
     from hil.model.robot import Robot

@@ -14,8 +14,7 @@ from hil.errors import FileError, Mismatch
 from hil.model.readers.axes_to_frames import Frames, find_frames
 from hil.model.readers.urdf import read_urdf
 from hil.model.robot import Robot
-from hil.view.meshes import merge_corners, read_triangles
-from hil.view.visuals import MOST_TRIANGLES, _allowance, visuals
+from hil.view.visuals import MOST_TRIANGLES, _allowance, merge_corners, read_triangles, visuals
 
 if TYPE_CHECKING:
     from pathlib import Path

@@ -5,9 +5,8 @@ import pytest
 
 from checked_files.yaml_file import FileError
 from hil.planning.plan import Plan, repeat_measurements
-from hil.watching.friction import FrictionLevel, columns_of
-from hil.watching.scatter import Scatter, window_lengths
-from hil.watching.turning import DISTANCES, Turning
+from hil.watching.detector import Scatter, window_lengths
+from hil.watching.friction import DISTANCES, FrictionLevel, Turning, columns_of
 
 PERIOD = 0.004
 

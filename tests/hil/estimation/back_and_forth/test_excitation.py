@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from hil.estimation.back_and_forth.excitation import excitation
+from hil.estimation.back_and_forth.solution import excitation
 
 MANY = 1e12
 """Sum of squares of torques far above the noise."""

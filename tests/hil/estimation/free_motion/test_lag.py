@@ -9,7 +9,7 @@ import pytest
 from free_run import PERIOD, TRUTH, arm, recorded
 
 from hil.estimation.identify import estimate
-from hil.results.tables.imported import statements
+from hil.results.tables.model import statements
 
 LAGS = np.array([0.004, 0.008])
 

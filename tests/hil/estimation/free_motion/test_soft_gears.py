@@ -15,7 +15,7 @@ from hil.estimation.options import Options
 from hil.model.dynamics import inverse_dynamics
 from hil.model.motors import motor_torque
 from hil.results.recorded_torque import predict_recording, torque_parts
-from hil.results.tables.imported import statements
+from hil.results.tables.model import statements
 
 if TYPE_CHECKING:
     from pathlib import Path
