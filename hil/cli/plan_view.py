@@ -201,23 +201,23 @@ def _print_precision(
     title: str, columns: dict[str, list[str]], found: Precision, robot: Robot
 ) -> None:
     """Print figures by group, effects on torques, and imprecise parameters."""
-    what = Column("meaning", folds=True)
+    base, what = base_parameters(robot), Column("meaning", folds=True)
     heads: tuple[str | Column, ...] = ("", what, *figures(*columns), "unit")
     parts = [
         Part(
             tuple(
                 (
-                    found.names[k],
-                    found.meanings[k],
+                    base.names[k],
+                    base.meanings[k],
                     *(each[k] for each in columns.values()),
-                    unit(found.units[k]),
+                    unit(base.units[k]),
                     *_weight(found, k),
                 )
                 for k in members
             ),
             _words(group),
         )
-        for group, members in base_parameters(robot).groups.items()
+        for group, members in base.groups.items()
         if members
     ]
     show(table(title, (*heads, *figures("torque, %"), ""), parts), out)
@@ -225,7 +225,7 @@ def _print_precision(
         "torque: effect of one standard deviation, as a share of an axis's torque limit; "
         f"{found.source}",
     )
-    if imprecise := _join_titles(np.array(found.names)[found.imprecise].tolist(), robot):
+    if imprecise := _join_titles(np.array(base.names)[found.imprecise].tolist(), robot):
         say(
             f"imprecise: {imprecise}; one standard deviation changes a torque by more than "
             f"{IMPRECISE:.1%} of its limit; give more --minutes, or refine with hil plan --refine",

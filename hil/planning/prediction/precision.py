@@ -71,8 +71,6 @@ class Precision:
 
     Attributes
     ----------
-    names, meanings, units : tuple of str
-        Names, meanings and units of the base parameters.
     deviation : ndarray, shape (n_base,)
         Standard deviations; inf for unidentifiable parameters.
     effect : ndarray, shape (n_base,)
@@ -81,9 +79,6 @@ class Precision:
         Source of the noise figures.
     """
 
-    names: tuple[str, ...]
-    meanings: tuple[str, ...]
-    units: tuple[str, ...]
     deviation: Array
     effect: Array
     source: str
@@ -104,16 +99,8 @@ def predict(
 
 def precision(robot: Robot, known: Information, source: str) -> Precision:
     """Compute standard deviations from the information `known`."""
-    base = base_parameters(robot)
-    deviation = np.sqrt(np.diag(covariance(known, len(base))))
-    return Precision(
-        names=base.names,
-        meanings=base.meanings,
-        units=base.units,
-        deviation=deviation,
-        effect=deviation * torque_scale(robot),
-        source=source,
-    )
+    deviation = np.sqrt(np.diag(covariance(known, len(base_parameters(robot)))))
+    return Precision(deviation, deviation * torque_scale(robot), source)
 
 
 def information(
