@@ -12,7 +12,7 @@ import typer
 from typer.cli import get_docs_for_click
 
 from hil import cli
-from hil.cli.equipment import HELP, STATUSES
+from hil.cli import HELP, STATUSES
 
 if TYPE_CHECKING:
     from sphinx.application import Sphinx
