@@ -55,14 +55,3 @@ def rounded_to_digits(x, digits=2):
 def test_nothing_else_splits_a_recording(tmp_path, columns):
     stated = imported(tmp_path, np.arange(N), **columns)
     assert not any("rows are missing" in s.message for s in stated.suspicions)
-
-
-def test_numbers_of_few_digits_split_no_recording(tmp_path):
-    columns = table(8.0, rate=2000.0)
-    for name in ("q1", "q2"):
-        columns[name] = np.array([float(f"{x:.3g}") for x in columns[name]])
-    write_csv(tmp_path / "data.csv", columns)
-    the_map, stated = write_map(tmp_path, a_map(time={"rate": 2000.0})), []
-    import_recordings([the_map], tmp_path / "run", stated.append)
-    assert not any("rows are missing" in s.message for s in stated[0].suspicions)
-    assert len(stated[0].motions) == 1
