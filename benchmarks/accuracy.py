@@ -23,6 +23,7 @@ from figures import Figure, keep
 from hil.estimation.identify import estimate
 from hil.ground_truth.comparison import Comparison, comparison
 from hil.ground_truth.true_parameters import true_parameters
+from hil.results.prediction import free_torques
 from hil.runs.pooling import recorded
 from hil.runs.run import Run
 from hil.show.rounding import clock
@@ -33,6 +34,7 @@ if TYPE_CHECKING:
     from numpy.typing import ArrayLike
 
     from hil.estimation.estimate import Estimate
+    from hil.results.model import Model
 
 ROBOT = "manutec-r15"
 SIDE_BY_SIDE = 2
@@ -46,6 +48,10 @@ DEPENDS = (
     "hil/estimation", "hil/least_squares", "hil/friction", "hil/planning", "sim_plant/physics",
 )  # fmt: skip
 """Code on which the figures depend."""
+HONEST = 3.0
+"""Bound of the ratio of true to stated error of a good model."""
+CONFIGURATIONS = 1000
+"""Configurations at which the mass matrix of a good model is tested."""
 
 
 def hil(*arguments: object) -> None:
@@ -54,6 +60,23 @@ def hil(*arguments: object) -> None:
     done = subprocess.run(command, capture_output=True, text=True, check=False)
     if done.returncode:
         sys.exit(done.stderr)
+
+
+def times_stated(model: Model, found: Estimate, truth: ArrayLike) -> float:
+    """Return the true over the stated error of torque on a free motion, of the worst axis."""
+    free = free_torques(model)
+    if free is None:
+        return 0.0
+    usual = found.effect * model.robot.usual_uncertainty
+    stated = free.standard_error(model.covariance + usual @ usual.T)
+    return float(np.max(free.rms(model.values - truth) / np.maximum(stated, 1e-12)))
+
+
+def is_positive(model: Model) -> bool:
+    """Return True if the mass matrix is positive definite throughout the ranges of the joints."""
+    low, high = np.nan_to_num([model.robot.q_min, model.robot.q_max], neginf=-np.pi, posinf=np.pi)
+    q = np.random.default_rng(0).uniform(low, high, (CONFIGURATIONS, model.robot.n_joints))
+    return bool((np.linalg.eigvalsh(model.mass_matrix(q)) > 0).all())
 
 
 def measure(seed: int, folder: Path) -> Path:

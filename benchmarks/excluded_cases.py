@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 import yaml
-from accuracy import ROBOT, hil
+from accuracy import HONEST, ROBOT, hil, is_positive, times_stated
 from planted_flaws import HALF_WAY, MESH, PLANTS, RECORDED, STATED
 
 sys.path.insert(0, str(Path(__file__).parents[1] / "tests" / "support"))
@@ -35,7 +35,6 @@ from hil.ground_truth.comparison import comparison
 from hil.ground_truth.true_parameters import true_parameters
 from hil.imports.importing import import_recordings
 from hil.results.identification import model_of
-from hil.results.prediction import uncertainty
 from hil.runs.pooling import Pooled
 from hil.runs.run import Run
 from sim_plant.plant_file import load_plant_file
@@ -56,8 +55,6 @@ if TYPE_CHECKING:
     Array = NDArray[np.float64]
     Recorded = tuple[RecordedMotion, Recording]
 
-HONEST = 3.0
-"""Bound of the ratio of true to stated error of a good model."""
 FLAWS = (
     ("", "joint offset", 2), ("", "joint offset", 3), ("", "position scale", 3),
     ("", "gear ratio", 2), ("", "gear ratio", 4), ("", "torque constant", 2),
@@ -91,7 +88,7 @@ class Case(NamedTuple):
 
 @dataclass(frozen=True)
 class Said:
-    """Word, causes, and true error of the worst axis, relative to torque and to stated error."""
+    """Word, causes, true error of the worst axis, and whether the mass matrix is positive."""
 
     word: str
     reason: str
@@ -101,11 +98,12 @@ class Said:
     seconds: float
     accounted: tuple[tuple[str, int], ...] = ()
     error: float = np.inf
+    positive: bool = True
 
     @property
     def honest(self) -> bool:
-        """True if the stated error is correct, or the model is not called good."""
-        return self.word != "good" or self.times <= HONEST
+        """True if error and mass matrix are as a good model's, or the model is not called good."""
+        return self.word != "good" or (self.times <= HONEST and self.positive)
 
     @property
     def alone(self) -> bool:
@@ -225,10 +223,7 @@ def judged(run: Run, robot: Robot, recorded: Sequence[Recorded], truth: Array) -
     seconds = time.process_time() - begin
     model = replace(model_of(run, found, proof=proof), robot=robot)
     assert model.verdict is not None
-    usual = found.effect * robot.usual_uncertainty
-    stated = uncertainty(model, usual @ usual.T)
-    true = comparison(found, robot, truth).torque
-    times = 0.0 if stated is None else float(np.nanmax(true / np.maximum(stated, 1e-12)))
+    times = times_stated(model, found, truth)
     causes = proof.found if proof is not None else ()
     accounted = [(str(term.cause), axis) for term in model.error_budget if term.accounted
                  for axis in term.axes]  # fmt: skip
@@ -237,7 +232,8 @@ def judged(run: Run, robot: Robot, recorded: Sequence[Recorded], truth: Array) -
         loaded = np.flatnonzero(np.nan_to_num(mu / error) > CERTAIN)
         accounted += [("friction of the load", int(axis) + 1) for axis in loaded]
     return Said(model.verdict.word, model.verdict.reason, causes, proof, times, seconds,
-                tuple(accounted), float(np.max(true)))  # fmt: skip
+                tuple(accounted), float(np.max(comparison(found, robot, truth).torque)),
+                is_positive(model))  # fmt: skip
 
 
 def smallest(proof: Excluded | None, cause: str, axis: int) -> float:

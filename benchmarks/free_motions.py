@@ -3,7 +3,8 @@
 Every case and seed is a different machine (`foreign_recordings`), imported from a CSV of positions
 and torques and identified by the default method. For each robot, or for each case with --cases, the
 table has the error of the rigid-body torques on a free motion, the residual torque of another
-recording, and the share of 95 % intervals that contain the truth. Constants of the method were not
+recording, the share of 95 % intervals that contain the truth, and good models with three times the
+stated error, or with a mass matrix that is not positive definite. Constants of the method were not
 tuned on seeds from 201 on, with two exceptions: the doubt about unusual offsets (601 to 611) and
 friction of slow samples (1901 to 1912)::
 
@@ -21,6 +22,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
+from accuracy import HONEST, is_positive, times_stated
 from figures import Figure, keep
 from foreign_recordings import CASES, NAMES, ROBOTS, record
 
@@ -54,6 +56,8 @@ class Judged(NamedTuple):
     inside: NDArray[np.bool_]
     z: NDArray[np.float64]
     warned: bool
+    good: bool
+    wrong: bool
     said: str
 
 
@@ -74,14 +78,17 @@ def judge(recorded: Path) -> Judged:
     found = estimate(run.robot, Pooled([run]), "free motion")
     model, fit = model_of(run, found), found.details
     assert isinstance(fit, FreeMotionFit)
-    judged = comparison(found, run.robot, true_parameters(run.robot, recorded / "plant.yaml"))
+    truth = true_parameters(run.robot, recorded / "plant.yaml")
+    judged = comparison(found, run.robot, truth)
+    good = model.verdict is not None and model.verdict.word == "good"
+    honest = times_stated(model, found, truth) <= HONEST and is_positive(model)
     left = [predict_recording(model, measured.recording) for measured in other]
     laws = ", ".join(axis.law for axis in fit.axes)
     said = f"cut-off {fit.cut_off:.3g} Hz, dead zone {fit.dead_zone:g}; {laws}; {fit.remarks}"
     unseen = float(np.mean([each.overall for each in left]))
     return Judged(
         judged.mean_torque_error, fit.overall_residual, unseen, judged.inside, judged.z,
-        bool(fit.remarks), said,
+        bool(fit.remarks), good, good and not honest, said,
     )  # fmt: skip
 
 
@@ -126,6 +133,8 @@ def figures(of: Found) -> dict[str, Figure]:
         "estimates": Figure.count(len(found)),
         "refused": Figure.count(refused),
         "warned": Figure.count(sum(each.warned for each in found)),
+        "good": Figure.count(sum(each.good for each in found)),
+        "good-and-wrong": Figure.count(sum(each.wrong for each in found)),
     }
 
 
@@ -154,7 +163,8 @@ def main() -> None:
     kept: dict[str, Figure] = {}
     recorded: set[int] = set()
     print("robot: rms error of rigid-body torques, residual, of another recording, intervals of")
-    print("95 % that hold the truth, rms of error over standard error, estimates, refused, warned")
+    print("95 % that hold the truth, rms of error over standard error, estimates, refused, warned,")
+    print("good, good but wrong")
     with tempfile.TemporaryDirectory() as temporary:
         for name in given.robots or NAMES:
             total = Found([], 0)

@@ -301,7 +301,7 @@ def one(folder: Path, seed: int, job: tuple[str, int]) -> tuple[str, int, str]:
         columns = add_rest(columns, -number, rng)
     accept = ["shape"] if number % 2 else []
     said = imported(own, robot, columns, Mistake("clean", ""), accept)
-    kept = [line for line in said.splitlines() if "only gravity parameters of joint" not in line]
+    kept = [line for line in said.splitlines() if "and its torque is used only" not in line]
     if number % 2:  # torques at rest are artificial
         kept = [
             line for line in kept if not re.search("leaves|friction would|delay of|lead of", line)

@@ -38,6 +38,7 @@ from hil.estimation.signals import signals
 from hil.estimation.simultaneous import SimultaneousFit
 from hil.imports.evidence import Suspicion
 from hil.imports.two_clocks import clock_of_torques, late_torques
+from hil.model.base_parameters import base_parameters
 from hil.model.drive_train_file import USUAL_BOUND
 from hil.planning.free_motion import FreeMotion
 from hil.runs.recording import IDLE, Recording
@@ -191,6 +192,10 @@ def _misread(
     """
     thin = measured(robot, solver, prepared).thinned(ROWS)[0].project_out_own()
     stated = explained(robot, thin, Reading.stated(robot))
+    # base parameters alone fit fewer rows than there are parameters, such as the few rows in motion
+    # that coarse steps of a position leave: no misfit shows anything
+    if (stated.counts[stated.counts > 0] < len(base_parameters(robot))).any():
+        return
     astray = set(np.flatnonzero(strangers).tolist())
     others = sorted(_others(stated), key=lambda each: -each.gain)
     exchanged = [

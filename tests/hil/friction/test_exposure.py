@@ -139,10 +139,34 @@ def test_what_measurements_left_open_agrees_with_the_posterior_of_independent_sl
     found = Exposure.compute(states, 0.01 * rng.standard_normal(30), 3)
     X, x = states - states.mean(axis=0), rng.uniform(0.0, 0.5, (5, len(COURSES)))
     prior = np.eye(len(COURSES)) * len(COURSES) / found.slope**2
-    posterior = np.linalg.inv(prior + X.T @ X / found.scatter**2)
+    posterior = np.linalg.inv(prior + X.T @ X / found.left**2)
     x -= states.mean(axis=0)
     expected = np.sqrt(np.einsum("nk,kl,nl->n", x, posterior, x))
     np.testing.assert_allclose(found.unexplored(x + states.mean(axis=0)), expected, rtol=0.05)
+
+
+def test_intervals_of_a_repeated_motion_have_the_width_of_what_the_measurements_saw() -> None:
+    end = 60.0 * np.arange(1, 31)
+    past = History(end, np.full((len(end), 1), 0.3), 0.0)
+    states, rng = states_at(past, 0, end), np.random.default_rng(5)
+    change = -0.2 * (states[:, 4] - states[:, 4].mean())
+    found = Exposure.compute(states, change + 0.01 * rng.standard_normal(len(end)), 2)
+    assert found.left == pytest.approx(0.01, rel=0.25)
+    assert found.covers(past, 0)
+    u = found.level_along(past, 0, end)
+    again = change + 0.01 * rng.standard_normal(len(end))
+    assert 0.9 <= np.mean(np.abs(again) <= 1.96 * u) <= 1.0
+    assumed = found.deviation(found.distance(states))
+    assert np.sqrt(np.mean(u**2)) < 0.7 * np.sqrt(np.mean(assumed**2))
+
+
+def test_levels_without_scatter_have_finite_intervals() -> None:
+    end = 60.0 * np.arange(1, 5)
+    past = History(end, np.full((len(end), 1), 0.3), 0.0)
+    states = states_at(past, 0, end)
+    for deviations in (np.zeros(4), states[:, 4] - states[:, 4].mean()):
+        found = Exposure.compute(states, deviations, 2)
+        assert np.isfinite(found.level_along(past, 0, end)).all()
 
 
 def test_files_of_earlier_versions_cover_no_motion_to_another_warmth() -> None:

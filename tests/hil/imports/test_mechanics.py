@@ -25,12 +25,17 @@ def excerpt(q, tau):
 @pytest.fixture(scope="module")
 def seen(manutec):
     """Free motion of the manutec-r15, with friction."""
+    return excerpt(*motion_with_friction(manutec, T))
+
+
+def motion_with_friction(robot, t):
+    """Return positions and torques of a free motion of the manutec-r15 at instants."""
     w = 2 * np.pi * np.array([0.11, 0.13, 0.17, 0.19, 0.23, 0.29])
-    q = 0.7 * np.sin(np.outer(T, w)) + np.array([0, 0.3, -0.4, 0, 0.5, 0])
-    qd, qdd = 0.7 * w * np.cos(np.outer(T, w)), -0.7 * w**2 * np.sin(np.outer(T, w))
-    motors = manutec.reflected_inertia * qdd
-    tau = inverse_dynamics(manutec, TABLE_3_A, q, qd, qdd) + motors + 10 * np.tanh(qd / 0.03)
-    return excerpt(q, tau + np.random.default_rng(1).normal(0, 0.3, tau.shape))
+    q = 0.7 * np.sin(np.outer(t, w)) + np.array([0, 0.3, -0.4, 0, 0.5, 0])
+    qd, qdd = 0.7 * w * np.cos(np.outer(t, w)), -0.7 * w**2 * np.sin(np.outer(t, w))
+    motors = robot.reflected_inertia * qdd
+    tau = inverse_dynamics(robot, TABLE_3_A, q, qd, qdd) + motors + 10 * np.tanh(qd / 0.03)
+    return q, tau + np.random.default_rng(1).normal(0, 0.3, tau.shape)
 
 
 def said(seen, robot, **changes):
@@ -47,6 +52,14 @@ def said(seen, robot, **changes):
 
 def test_the_right_map_raises_no_suspicion(seen, manutec):
     assert said(seen, manutec) == []
+
+
+@pytest.mark.parametrize(("duration", "step"), [(4, 0.01), (8, 0.01), (8, 0.03), (20, 0.03)])
+def test_positions_in_steps_too_coarse_for_a_model_show_no_other_reading(manutec, duration, step):
+    period = 0.002
+    q, tau = motion_with_friction(manutec, np.arange(0, duration, period))
+    coarse = Excerpt(period, step * np.round(q / step), tau, np.full_like(q, np.nan), len(q))
+    assert said(coarse, manutec) == []
 
 
 def test_a_joint_without_friction_raises_no_suspicion(seen, manutec):
