@@ -7,18 +7,12 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from drivers.can_bus.frame_log import log_frames
-from drivers.can_bus.opening import open_can_bus
-from drivers.canopen.bus import CanopenBus
 from drivers.canopen.eds_file import read_eds
 from drivers.canopen.rules import RULES
 from drivers.canopen.sync_rate import cycle_on_bus
 from drivers.drive_bus import BusUnavailable
-from drivers.ethercat.bus import EthercatBus
 from drivers.ethercat.esi_file import read_esi
 from drivers.ethercat.rules import RULES as ETHERCAT_RULES
-from drivers.ethercat.wire import RawWire
-from drivers.session.servo_axes import ServoAxes
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -29,19 +23,14 @@ if TYPE_CHECKING:
     from drivers.fieldbus import PacingName
     from drivers.found_settings.keeping import SettingsKeeper
     from drivers.session.connection import Fieldbus
+    from drivers.session.servo_axes import ServoAxes
 
 ETHERCAT = "ethercat"
 """Interface name of EtherCAT drives; the channel is a network interface."""
 __all__ = [
-    "ETHERCAT",
-    "RULES",
-    "cycle_on_bus",
-    "find_rules",
-    "open_drive_bus",
-    "open_fieldbus",
-    "read_eds",
-    "read_esi",
-]
+    "ETHERCAT", "RULES", "cycle_on_bus", "find_rules", "open_drive_bus", "open_fieldbus",
+    "read_eds", "read_esi",
+]  # fmt: skip
 
 
 def find_rules(interface: str | None) -> BusRules:
@@ -77,11 +66,18 @@ def open_fieldbus(
         The frame log cannot be written.
     """
     if interface == ETHERCAT:
+        from drivers.ethercat.bus import EthercatBus  # noqa: PLC0415 - a dry run opens no bus
+        from drivers.ethercat.wire import RawWire  # noqa: PLC0415
+
         if frame_log is not None:
             raise BusUnavailable(
                 "frames of EtherCAT are not logged; record them with tcpdump or Wireshark"
             )
         return EthercatBus(RawWire(channel), pacing)
+    from drivers.can_bus.frame_log import log_frames  # noqa: PLC0415
+    from drivers.can_bus.opening import open_can_bus  # noqa: PLC0415
+    from drivers.canopen.bus import CanopenBus  # noqa: PLC0415
+
     bus = open_can_bus(interface, channel, options)
     return CanopenBus(bus if frame_log is None else log_frames(bus, frame_log), pacing)
 
@@ -108,6 +104,8 @@ def open_drive_bus(
     keeper, feed_forward
         See `ServoAxes`.
     """
+    from drivers.session.servo_axes import ServoAxes  # noqa: PLC0415
+
     options = {"bitrate": drives.bitrate, **(bus_options or {})}
     bus = open_fieldbus(interface, channel, options, pacing, frame_log)
     try:

@@ -17,8 +17,6 @@ import time
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Protocol, cast
 
-from can.interfaces.socketcan import SocketcanBus
-
 from drivers.cycle_data import make_unpacker
 
 if TYPE_CHECKING:
@@ -136,6 +134,8 @@ class Capabilities:
 
 def find_capabilities(bus: can.BusABC) -> Capabilities:
     """Return the capabilities of a bus."""
+    from can.interfaces.socketcan import SocketcanBus  # noqa: PLC0415 - loads all of python-can
+
     stated: Capabilities | None = getattr(bus, "capabilities", None)
     return stated or Capabilities(
         lock_step=getattr(bus, "lock_step", False),

@@ -13,8 +13,9 @@ from drivers.canopen.network import PumpedNetwork
 from drivers.canopen.process_data import SyncProcessData
 from drivers.canopen.rules import RULES
 from drivers.canopen.sdo import SDO_TIMEOUT, server_of
+from drivers.canopen.stopwatch import StopwatchBus
 from drivers.canopen.sync_clock import choose_sync_clock
-from drivers.canopen.sync_rate import MAX_LOAD, StopwatchBus, achievable_rate, cycle_time
+from drivers.canopen.sync_rate import MAX_LOAD, achievable_rate, cycle_time
 from drivers.session.connection import Fieldbus, TimedFieldbus, UnpoweredDrives, places_of
 
 if TYPE_CHECKING:

@@ -11,16 +11,10 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from checked_files.yaml_file import FileError, line_of
-from drivers.opening import open_drive_bus
-from hil.measuring.campaign import run_campaign
 from hil.planning.dry_run import dry_run as checked
 from hil.planning.plan import opened_plan, repeat_measurements
 from hil.runs import SIMULATED
 from hil.runs.atomic_file import locked
-from hil.runs.journal import BusName
-from hil.runs.run import Run
-from hil.runs.run_folder import RunFolder
-from hil.tasks.bus_state import keeper_of_run
 from hil.tasks.robot_drives import (
     bus_cycle,
     following_of,
@@ -38,6 +32,8 @@ if TYPE_CHECKING:
     from hil.model.robot import Robot
     from hil.planning.dry_run import DryRun
     from hil.planning.plan import Plan
+    from hil.runs.run import Run
+    from hil.runs.run_folder import RunFolder
 
 
 def dry_run(
@@ -187,6 +183,13 @@ def measure(
     >>> hil.measure(short, "runs/short")  # the virtual robot, without options
     <Run runs/short: manutec-r15, 1 of 1 measurements>
     """
+    # a dry run needs neither a bus nor recordings
+    from drivers.opening import open_drive_bus
+    from hil.measuring.campaign import run_campaign
+    from hil.runs.journal import BusName
+    from hil.runs.run import Run
+    from hil.tasks.bus_state import keeper_of_run
+
     output = Path(output)
     the_plan, the_robot = opened_plan(plan, robot)
     named = Path(plan) if isinstance(plan, (str, Path)) else None
@@ -213,6 +216,8 @@ def refuse_unusable(path: Path, resume: bool) -> None:
     FileError
         A run exists already, or there is none to resume.
     """
+    from hil.runs.run_folder import RunFolder
+
     if RunFolder.is_stub(path):
         return
     if resume or (path / "run.json").exists():
@@ -237,6 +242,8 @@ def prepared_folder(
     FileError
         A run exists already, or the run to be resumed has another plan.
     """
+    from hil.runs.run_folder import RunFolder
+
     resume = resume and not RunFolder.is_stub(path)
     folder = RunFolder.open(path) if resume or (path / "run.json").exists() else None
     if folder is None or not (resume or folder.only_rehearsed):

@@ -13,7 +13,7 @@ from drivers.can_bus.capabilities import Capabilities, find_capabilities
 from drivers.can_bus.frame_log import FrameLog
 from drivers.can_bus.kernel_sync import KernelSync
 from drivers.can_bus.replay_bus import ReplayBus
-from drivers.canopen.sync_rate import StopwatchBus
+from drivers.canopen.stopwatch import StopwatchBus
 
 if TYPE_CHECKING:
     from pathlib import Path

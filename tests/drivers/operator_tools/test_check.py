@@ -15,7 +15,8 @@ from kernel_bus import SocketcanLike
 from probing_bench import Answering, Scripted, bench, drives_of, spoilt_plant
 
 from drivers.canopen.bus import CanopenBus
-from drivers.canopen.sync_rate import StopwatchBus, achievable_rate, cycle_time, frame_bits
+from drivers.canopen.stopwatch import StopwatchBus
+from drivers.canopen.sync_rate import achievable_rate, cycle_time, frame_bits
 from drivers.commissioning.verdict import Grade, Verdict
 from drivers.operator_tools.check import check
 from drivers.operator_tools.check_motion import refresh_period

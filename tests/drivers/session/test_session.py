@@ -157,14 +157,14 @@ def test_an_interrupt_raised_while_leaving_keeps_no_axis_powered(
 @pytest.fixture
 def opened(can_bus: Any, monkeypatch: pytest.MonkeyPatch) -> Any:
     """Local drives' bus, which any opening of a bus by name returns."""
-    monkeypatch.setattr(opening, "open_can_bus", lambda *_: can_bus)
+    monkeypatch.setattr("drivers.can_bus.opening.open_can_bus", lambda *_: can_bus)
     return can_bus
 
 
 def test_a_bus_that_was_opened_is_shut_down_where_no_drive_bus_can_stand_on_it(
     opened: Any, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(opening, "ServoAxes", broken)
+    monkeypatch.setattr("drivers.session.servo_axes.ServoAxes", broken)
     with pytest.raises(RuntimeError, match="broken"):
         opening.open_drive_bus(drives_file(), "virtual", "x")
     assert opened.closed == 1
