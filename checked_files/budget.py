@@ -53,7 +53,7 @@ def refuse_beyond(
         With size, bound and remedy.
     """
     base = BASE if base is None else base
-    if size > (most := times * allowed(path, base)):
+    if size > times * base and size > (most := times * allowed(path, base)):
         raise FileError(
             f"{path}: {what} would take {_megabytes(size)} MB, at most {_megabytes(most)} MB "
             f"allowed ({_megabytes(times * base)} MB and {times * SHARE} times the file); if you "

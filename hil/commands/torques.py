@@ -195,9 +195,10 @@ def packed_recordings(
 
 def _limited(robot: Robot, shown: Sequence[Shown]) -> Robot:
     """Return the robot with the recorded range in place of unknown joint limits."""
-    # a function, so that the positions are freed before the recordings are packed
-    q = np.concatenate([each.recording.q for each in shown])
+    unknown = np.flatnonzero(~np.isfinite(robot.q_max - robot.q_min))
+    q = np.concatenate([each.recording.q[:, unknown] for each in shown])
     low, high = np.nanmin(q, axis=0), np.nanmax(q, axis=0) + 1e-6  # more than a point
-    unknown = np.flatnonzero(~np.isfinite(robot.q_max - robot.q_min)).tolist()
-    passed = {j + 1: (float(low[j]), float(high[j])) for j in unknown}
+    passed = dict(
+        zip((unknown + 1).tolist(), zip(low.tolist(), high.tolist(), strict=True), strict=True)
+    )
     return narrow_ranges(robot, Workspace(ranges=passed))

@@ -205,7 +205,7 @@ def quantisation_bias(
     variances = []
     for s, each in stacked:
         n = len(each.index[::SPARSE])
-        step = np.broadcast_to(s.resolution, robot.n_joints) ** 2 / 12
+        step = s.resolution**2 / 12
         # of an acceleration; the decimated samples stand for all recorded ones
         step = step * np.sum(rounding_window(s.period) ** 2)
         variances.append(np.tile(each.each * len(each.index) / n * step, (n, 1)))

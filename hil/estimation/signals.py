@@ -77,8 +77,8 @@ class Signals:
         Twist angle of each gear [rad]; None for rigid gears.
     group : ndarray, shape (n,), optional
         As in the recording.
-    resolution : ndarray, shape (n_joints,)
-        Smallest difference of positions [rad]: the encoder's step.
+    recorded : ndarray, shape (n_recorded, n_joints), optional
+        Positions as recorded, NaN for missing ones [rad].
     kept : dict
         Cache of values computed from the motion alone (`once`).
     """
@@ -94,7 +94,7 @@ class Signals:
     valid: Mask
     twist: Array | None = None
     group: NDArray[np.int16] | None = None
-    resolution: Array | float = 0.0
+    recorded: Array | None = None
     kept: dict[Hashable, tuple[tuple[Any, ...], object]] = field(default_factory=dict, repr=False)
 
     @property
@@ -118,6 +118,12 @@ class Signals:
             value = made()
             self.kept[key] = motion, value
         return cast("Kept", value)
+
+    @property
+    def resolution(self) -> Array:
+        """Smallest difference of positions: the encoder's step, shape (n_joints,) [rad]."""
+        q = self.q if self.recorded is None else self.recorded
+        return self.once("resolution", lambda: np.array([_least_difference(own) for own in q.T]))
 
     def moving(self, robot: Robot, axis: int) -> Mask:
         """Return valid samples of an axis away from reversals, shape (n,)."""
@@ -234,7 +240,7 @@ def signals(recording: Recording) -> Signals:
             partner_stroke=recording.partner_stroke[nearest],
             valid=~spoilt,
             group=None if recording.group is None else recording.group[nearest],
-            resolution=np.array([_least_difference(own) for own in recording.q[sampled].T]),
+            recorded=recording.q,
         )
     return _KEPT[recording]
 
@@ -243,7 +249,7 @@ def _least_difference(q: Array) -> float:
     """Return the smallest difference of positions above rounding; 0 without a difference."""
     apart = np.diff(np.sort(q))
     # rounding error relative to the largest position: a file has ten decimals
-    apart = apart[apart > 1e-9 * np.abs(q).max()]
+    apart = apart[apart > 1e-9 * np.nanmax(np.abs(q))]
     return float(apart.min(initial=np.inf)) if len(apart) else 0.0
 
 

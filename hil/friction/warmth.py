@@ -69,7 +69,6 @@ from typing import TYPE_CHECKING, Any, NamedTuple, Self
 import numpy as np
 from pydantic import Field, model_validator
 from scipy import special
-from scipy.linalg.lapack import dtbtrs
 
 from checked_files.yaml_file import FileModel
 from hil.friction.terms import DIRECTED
@@ -340,6 +339,8 @@ def relaxed(start: float, goals: Array | Mask, left: Array) -> Array:
 
     The share `left`, shape (n_goals,), of the distance from each goal remains.
     """
+    from scipy.linalg.lapack import dtbtrs  # noqa: PLC0415 - takes long to load
+
     # x_k - left_k x_(k-1) = (1 - left_k) goal_k: a bidiagonal system
     band = np.array([np.ones(len(left) + 1), np.append(-left, 0.0)])
     states, _ = dtbtrs(band, np.append(start, (1.0 - left) * goals), uplo="L", diag="U")

@@ -22,12 +22,12 @@ from functools import cache, reduce
 from typing import TYPE_CHECKING, NamedTuple, TypeVar
 
 import numpy as np
-from scipy import sparse
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from numpy.typing import NDArray
+    from scipy import sparse
 
     from hil.arrays import Array, Mask
 
@@ -129,7 +129,7 @@ def extent(q: Array, period: float) -> Extent:
         return Extent(q.min(axis=0), q.max(axis=0), np.zeros(q.shape[1]))
     spans = q[: len(q) // span * span].reshape(-1, span, q.shape[1])
     basis, _ = np.linalg.qr(np.vander(np.linspace(-1.0, 1.0, span), 3))
-    left = spans - np.einsum("tb,sb,nsj->ntj", basis, basis, spans, optimize=True)
+    left = spans - basis @ (basis.T @ spans)
     size = max(float(np.abs(left).max()), np.finfo(float).tiny)  # scaled: squares may overflow
     scatter = size * np.sqrt(((left / size) ** 2).sum(axis=(0, 1)) / (len(spans) * (span - 3)))
     means = spans.mean(axis=1)
@@ -184,6 +184,8 @@ def window_means(
     index: NDArray[np.intp], n_samples: int, period: float, passes: int = 1
 ) -> sparse.csr_array:
     """Return the matrix of `smooth_at`, shape (n, n_samples)."""
+    from scipy import sparse  # noqa: PLC0415 - plans need no SciPy
+
     window = reduce(np.convolve, [weights(period)] * passes)
     first = index[:, np.newaxis] - len(window) // 2
     places = (first + np.arange(len(window))).ravel()

@@ -22,7 +22,7 @@ from hil.estimation.signals import signals
 from hil.friction.law import friction_torque, friction_variance, law_columns
 from hil.least_squares.solving import orthonormal, project_out
 from hil.least_squares.uncertainty import TWICE
-from hil.least_squares.window import APART, smooth_at
+from hil.least_squares.window import HALF_WIDTH, smooth_at
 from hil.model.dynamics import gravity_torque, inverse_dynamics, regressor
 from hil.model.motors import motor_torque
 from hil.planning.free_motion import FreeMotion
@@ -199,9 +199,12 @@ def filter_recording(model: Model, recording: Recording) -> Along:
 
 
 def _thinned(recording: Recording) -> Along:
-    """Return a recording processed for a model from strokes: smoothed and decimated."""
+    """Return a recording processed for a model from strokes: smoothed and decimated.
+
+    The samples are as far apart as half the window: a chart of 20 s has a point every 29 ms.
+    """
     s = signals(recording)
-    kept = np.flatnonzero(s.valid)[:: max(1, round(APART / s.period))]
+    kept = np.flatnonzero(s.valid)[:: max(1, round(HALF_WIDTH / s.period))]
     columns = smooth_at(kept, np.hstack([s.q, s.qd, s.qdd, s.tau]), s.period)
     q, qd, qdd, tau = np.split(columns, 4, axis=1)
     return Along(s.time[kept], q, qd, qdd, tau, np.asarray, np.asarray, np.zeros_like(q))

@@ -39,6 +39,7 @@ With less progress the trajectory was slowed; after a longer time a SYNC was lef
 """
 IDLE = -1
 """Number of samples outside of strokes and groups."""
+_UNUSED = (SampleFlag.OLD | SampleFlag.UNTIMED).value
 UNITS = {
     "time": "s",
     "q": "rad",
@@ -116,9 +117,8 @@ class Recording:
     @property
     def fresh(self) -> Mask:
         """Mask of complete samples, none stale or with an uncertain instant, shape (n,)."""
-        there = np.isfinite(self.q).all(axis=1) & np.isfinite(self.tau).all(axis=1)
-        fresh: Mask = there & ~np.any(self.flags & (SampleFlag.OLD | SampleFlag.UNTIMED), axis=1)
-        return fresh
+        good = np.isfinite(self.q) & np.isfinite(self.tau) & (self.flags & _UNUSED == 0)
+        return np.ones(self.n_samples, bool) if good.all() else good.all(axis=1)
 
     @property
     def pair(self) -> Numbers:

@@ -113,7 +113,7 @@ def read_measured(path: Path) -> Measured:
         with h5py.File(path, "r") as file:
             there = set(file)  # `in` would follow links
             names = [f.name for f in fields(Recording) if f.default is MISSING or f.name in there]
-            arrays = {name: _array(_dataset(path, file, name)) for name in names}
+            arrays = {name: _array(*_dataset(path, file, name)) for name in names}
             # read the scalar attributes but no arrays, which can repeat texts without bound
             attributes: dict[str, object] = {}
             for index in range(h5py.h5a.get_num_attrs(file.id)):
@@ -152,8 +152,10 @@ def _units(name: str, robot: Robot) -> str | list[str]:
     return each if robot.revolute.any() else slides
 
 
-def _dataset(path: Path, file: h5py.File, name: str) -> h5py.h5d.DatasetID:
-    """Open an array; refuse arrays in other files or beyond the size limit.
+def _dataset(
+    path: Path, file: h5py.File, name: str
+) -> tuple[h5py.h5d.DatasetID, tuple[int, ...], np.dtype[Any]]:
+    """Open an array, with shape and type; refuse arrays in other files or beyond the size limit.
 
     HDF5's own calls take a third of the time of h5py's views.
     """
@@ -166,13 +168,13 @@ def _dataset(path: Path, file: h5py.File, name: str) -> h5py.h5d.DatasetID:
             f"{name} is missing, not an array, or a link to another file (links are not followed)"
         )
     chunk = made.get_chunk() if made.get_layout() == h5py.h5d.CHUNKED else ()
-    largest = max(math.prod(dataset.shape), math.prod(chunk))
-    refuse_beyond(path, largest * dataset.dtype.itemsize, name)
-    return dataset
+    shape, dtype = dataset.shape, dataset.dtype
+    refuse_beyond(path, max(math.prod(shape), math.prod(chunk)) * dtype.itemsize, name)
+    return dataset, shape, dtype
 
 
-def _array(dataset: h5py.h5d.DatasetID) -> np.ndarray:
-    array = np.empty(dataset.shape, dataset.dtype)
+def _array(dataset: h5py.h5d.DatasetID, shape: tuple[int, ...], dtype: np.dtype[Any]) -> np.ndarray:
+    array = np.empty(shape, dtype)
     dataset.read(h5py.h5s.ALL, h5py.h5s.ALL, array)
     return array
 

@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 def deflate(data: object) -> str:
     """Return compressed JSON of `data`, as text safe in HTML."""
     text = json.dumps(data, separators=(",", ":"), allow_nan=False)
-    return base64.b64encode(gzip.compress(text.encode(), compresslevel=6, mtime=0)).decode()
+    return base64.b64encode(gzip.compress(text.encode(), compresslevel=5, mtime=0)).decode()
 
 
 _NAME = re.compile(r"([A-Za-z])(\w*)")

@@ -255,7 +255,7 @@ def _piece(shown: Shown, begin: float, every: int) -> tuple[Array, ...]:
     time, kept = recording.time - recording.time[0], slice(None, None, every)
     planned = set_points(motion, recording)
     planned = np.full_like(recording.q, np.nan) if planned is None else planned
-    velocity, torque = _velocity(recording, time)[kept], _means(recording.tau, every)
+    velocity, torque = _velocity(recording, time, every), _means(recording.tau, every)
     time = time[kept]
     prediction, half = np.full_like(torque, np.nan), np.full_like(torque, np.nan)
     for axis, each in predicted.items():
@@ -267,15 +267,15 @@ def _piece(shown: Shown, begin: float, every: int) -> tuple[Array, ...]:
     return begin + time, recording.q[kept], velocity, torque, planned[kept], prediction, half
 
 
-def _velocity(recording: Recording, time: Array) -> Array:
+def _velocity(recording: Recording, time: Array, every: int) -> Array:
     """Return the recorded velocity, or a central difference of positions over some samples."""
     if recording.qd is not None:
-        return recording.qd
+        return recording.qd[::every]
     n = len(time)
-    reach = min(4, max((n - 1) // 2, 0))
+    reach, at = min(4, max((n - 1) // 2, 0)), np.arange(0, n, every)
     if not reach:
-        return np.zeros_like(recording.q)
-    low, high = np.maximum(np.arange(n) - reach, 0), np.minimum(np.arange(n) + reach, n - 1)
+        return np.zeros_like(recording.q[at])
+    low, high = np.maximum(at - reach, 0), np.minimum(at + reach, n - 1)
     found: Array = (recording.q[high] - recording.q[low]) / (time[high] - time[low])[:, None]
     return found
 

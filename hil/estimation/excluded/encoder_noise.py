@@ -108,7 +108,7 @@ class EncoderNoise:
         whole, thin = (np.bincount(each.axis, minlength=n_joints) for each in (self._evidence, e))
         stands_for = (whole / np.maximum(thin, 1))[e.axis]
         variance = np.array([
-            np.broadcast_to(s.resolution, n_joints) ** 2 / 12
+            s.resolution**2 / 12
             * np.sum(rounding_window(s.period) ** 2)
             for s in e.signals
         ])[e.source]  # fmt: skip
