@@ -25,6 +25,7 @@ for the answer to the next SYNC.
 from __future__ import annotations
 
 import math
+from itertools import chain
 from operator import gt, lt, sub
 from typing import TYPE_CHECKING
 
@@ -187,17 +188,15 @@ class Trips:
     def look_ahead(self, cycles: Cycles) -> Tripped | None:
         """Check several regular SYNCs as `look` does; return the first reason to stop."""
         times, positions, currents = cycles
-        columns = list(zip(*positions, strict=True))
-        before = [self._last, *positions]
+        columns, n = list(zip(*positions, strict=True)), len(times)
+        before, flat = [self._last, *positions], chain.from_iterable
         if (
             True in map(lt, map(min, columns), self._lows)
             or True in map(gt, map(max, columns), self._highs)
             # two successive steps of at most half the bound stay within the bound
-            or any(
-                True in map(gt, map(abs, map(sub, here, there)), self._half_steps)
-                for here, there in zip(positions, before, strict=False)
-            )
-            or any(True in map(gt, map(abs, here), self._currents) for here in currents)
+            or True
+            in map(gt, map(abs, map(sub, flat(positions), flat(before))), self._half_steps * n)
+            or True in map(gt, map(abs, flat(currents)), self._currents * n)
             or self._since
         ):
             found = (

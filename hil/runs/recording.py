@@ -206,13 +206,12 @@ class Recorder:
         """Add a sample, with the position along a trajectory, if any [s]."""
         if along is not None:
             self._along.append(along)
-        time, q, tau, flags, _ = sample
-        self._rows += self._pack(time, *q, *tau, *flags)
+        self.extend((sample,))
 
     def extend(self, samples: Sequence[Sample]) -> None:
         """Add several samples."""
-        for sample in samples:
-            self.add(sample)
+        for time, q, tau, flags, _ in samples:
+            self._rows += self._pack(time, *q, *tau, *flags)
 
     def mark(self, what: Literal["stroke", "partner_stroke", "group"], number: int) -> None:
         """Assign the following samples to a stroke of axis or partner, or a group; `IDLE`: none."""

@@ -19,10 +19,9 @@ from functools import lru_cache
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.lib.stride_tricks import sliding_window_view
 
 from drivers.drive_bus import LATE_FOR, SampleFlag
-from hil.measuring.checks.encoder_jumps import longest_run
+from hil.measuring.checks.encoder_jumps import longest_run, median_of_three
 from hil.measuring.travel import astray
 from hil.planning.strokes import MARGIN, SHORTEST_WINDOW
 from hil.runs.recording import CHANCE, Finding
@@ -52,8 +51,6 @@ PACING = (
 )
 LAG = 0.02
 """Time for averaging the highest velocity [s]."""
-RUNNING = 3
-"""Number of successive mean velocities in a median."""
 
 
 def constant_velocity(recording: Recording, measurement: Strokes, stroke: int) -> Indices:
@@ -252,7 +249,7 @@ def _ideal_velocity(profile: Trapezoid, period: float) -> float:
 
 
 def _highest_velocity(time: Array, q: Array, period: float) -> float:
-    """Return the highest median of `RUNNING` successive mean velocities over `LAG` [rad/s or m/s].
+    """Return the highest median of three successive mean velocities over `LAG` [rad/s or m/s].
 
     The median ignores a wrong time stamp, which ends one mean and begins another.
     """
@@ -260,9 +257,9 @@ def _highest_velocity(time: Array, q: Array, period: float) -> float:
     time, q = time[known], q[known]
     lag = max(1, round(LAG / period))
     speeds = np.abs(q[lag:] - q[:-lag]) / (time[lag:] - time[:-lag])
-    if len(speeds) < RUNNING:
+    if len(speeds) < 3:
         return float(np.max(speeds, initial=0.0))
-    return float(np.median(sliding_window_view(speeds, RUNNING), axis=1).max())
+    return float(median_of_three(speeds).max())
 
 
 def _evenly(recording: Recording) -> Recording:
