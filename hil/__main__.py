@@ -32,8 +32,9 @@ def main() -> None:
     # matrices are small here: threads would wait for one another, at a third more processor time
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
     # by default Python collects garbage after 700 new objects: loading and estimating then spend a
-    # tenth of their processor time on cycles (`hil identify` of 152 measurements: 0.4 of 4.6 s)
-    gc.set_threshold(50_000)
+    # tenth of their processor time on cycles (`hil identify` of 152 measurements: 0.4 of 4.6 s);
+    # loading alone makes 150 000 that stay
+    gc.set_threshold(200_000)
     try:
         from hil.cli import main as command_line  # noqa: PLC0415 - takes a while, see above
 

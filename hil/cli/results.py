@@ -161,10 +161,7 @@ def _refined(findings: Findings, runs: Sequence[Run], options: Options) -> Model
 
 def options_of(prior: str | None, urdf: Path | None, run: Run) -> Options:
     """Create estimation options with a prior such as ``cad=0.3`` from a URDF's inertials."""
-    from checked_files.yaml_file import FileError
     from hil.estimation.options import DEFAULTS, Options
-    from hil.estimation.prior import Prior
-    from hil.export.urdf_file import bodies_of, given_urdf, inertial_faults
 
     if (prior is None) != (urdf is None):
         raise typer.BadParameter(
@@ -172,6 +169,10 @@ def options_of(prior: str | None, urdf: Path | None, run: Run) -> Options:
         )
     if prior is None or urdf is None:
         return DEFAULTS
+    from checked_files.yaml_file import FileError
+    from hil.estimation.prior import Prior
+    from hil.export.urdf_file import bodies_of, given_urdf, inertial_faults
+
     kind, _, share = prior.partition("=")
     try:
         relative = float(share)

@@ -19,7 +19,7 @@ from itertools import combinations, product
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
-from scipy import optimize, special
+from scipy import special
 
 from hil.estimation.excluded.battery import LEVEL
 from hil.estimation.excluded.causes import CAUSES
@@ -410,6 +410,7 @@ def alternatives(
 
 def _heading(stated: Explained, sizes: Sequence[float]) -> float:
     """Return the best direction in which gravity turns by one of `sizes` [degrees]."""
+    from scipy.optimize import minimize_scalar  # noqa: PLC0415 - takes long to load
 
     def misfit(heading: float, size: float) -> float:
         return stated.instead(
@@ -420,7 +421,7 @@ def _heading(stated: Explained, sizes: Sequence[float]) -> float:
     heading, size = min(pairs, key=lambda pair: misfit(*pair))
     apart = HEADINGS[1]
     return float(
-        optimize.minimize_scalar(
+        minimize_scalar(
             misfit, args=(size,), bounds=(heading - apart, heading + apart), method="bounded"
         ).x
     )
@@ -488,6 +489,8 @@ def _searched(
     start = min(starts, key=lambda size: misfit(size, ROUGHLY))
     if misfit(start) >= stated.misfit:
         return None
+    from scipy.optimize import minimize_scalar  # noqa: PLC0415 - takes long to load
+
     every = sorted({*starts, 0.0})
     place = every.index(start)
     below = max(every[place - 1] if place else 2.0 * start, least)
@@ -495,7 +498,7 @@ def _searched(
     bounds = ((start + below) / 2, (start + above) / 2)
     reach = bounds[1] - bounds[0]
     size = float(
-        optimize.minimize_scalar(
+        minimize_scalar(
             misfit, bounds=bounds, method="bounded", options={"xatol": 1e-3 * reach, "maxiter": 25}
         ).x
     )

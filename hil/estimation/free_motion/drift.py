@@ -21,7 +21,6 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
-from scipy.linalg import block_diag
 
 from hil.friction.terms import BENT, COLUMNS
 from hil.least_squares.choice import FOLDS, HeldOut, simplest
@@ -132,6 +131,8 @@ def find_drift(products: Products, choice: Choice, duration: float) -> Drift:
     n, changes = products.n_joints, [term in CHANGES for term in COLUMNS]
     if len(possible) <= 1:
         return Drift.none(n)
+    from scipy.linalg import block_diag  # noqa: PLC0415 - takes long to load
+
     fitted = choice.fitted(products)
     own = fitted.solution[len(fitted.layout.shared) :].reshape(n, -1)
     # d_k scales the friction F of constant level, so that the problem is linear in d_k

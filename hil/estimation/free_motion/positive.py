@@ -17,7 +17,6 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 import numpy as np
-from scipy.optimize import nnls
 
 from hil.model.base_parameters import base_parameters
 from hil.model.dynamics import mass_matrix, regressor
@@ -80,6 +79,8 @@ def nearest_positive(robot: Robot, x: Array, V: Array, q: Array) -> Array:
             at_rest = regressor(robot, q[k], still, still)
             rows.append(u @ (regressor(robot, q[k], still, u) - at_rest))
             bounds.append(2 * LEAST - float(u @ motor_inertia(robot, q[k]) @ u))
+        from scipy.optimize import nnls  # noqa: PLC0415 - takes long to load, seldom needed
+
         C = np.pad(np.array(rows), [(0, 0), (0, len(x) - n_base)])
         # non-negative multipliers l that minimise l'S l / 2 - l'(bounds - C x), with S = C V C'
         values, vectors = np.linalg.eigh(C @ V @ C.T)

@@ -82,6 +82,19 @@ def test_a_report_of_what_is_kept_loads_no_estimator() -> None:
     assert not loaded & {"hil.results.identification", "hil.results.load", "scipy.optimize"}
 
 
+def test_an_identification_loads_no_optimiser_before_it_is_needed() -> None:
+    asked = (
+        "import sys, hil.results.identification; from hil.cli.results import options_of;"
+        " options_of(None, None, None); print(*sys.modules)"
+    )
+    done = subprocess.run(  # noqa: S603 - our own program
+        [sys.executable, "-c", asked], capture_output=True, text=True, check=True
+    )
+    loaded = set(done.stdout.split())
+    assert "hil.estimation.signals" in loaded
+    assert not loaded & {"scipy.optimize", "scipy.linalg", "hil.export"}
+
+
 def test_a_command_s_name_completes_without_any_command_s_module() -> None:
     words, loaded = completed("hil ide")
     assert words == ["identify"]
