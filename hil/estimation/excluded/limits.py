@@ -37,8 +37,6 @@ ROUNDS, SETTLED = 100, 0.01
 """Maximum number of corrections of sizes for their own part in the weights, and the largest final
 relative change: 20 000 random cases, with axes that differ in information and mean square by a
 log-normal factor of sigma 3, converge within 56 corrections."""
-ROOT = 1e-4
-"""Largest relative error of a noncentrality."""
 MIDDLES = (np.arange(200) + 0.5) / 200
 """Probabilities for the quadrature over a chi square."""
 
@@ -161,20 +159,15 @@ def noncentrality(rank: int, degrees: float, level: float) -> float:
 
     which for one column is Student's t about :math:`\sqrt\lambda`.
     """
+    from scipy import optimize
+
     limit = rank * float(special.fdtri(rank, degrees, 1.0 - level))
     s = special.chdtri(degrees, MIDDLES) / degrees
 
     def missed(need: float) -> float:
         return float(special.chndtr(limit * s, rank, need * s).mean()) - (1.0 - POWER)
 
-    # regula falsi in its Illinois form: SciPy's optimisers take longer to load than all roots
-    (low, above), (high, below) = ((x, missed(x)) for x in (0.0, 4.0 * (limit + 10.0 * rank)))
-    while abs(high - low) > ROOT * abs(high):
-        need = high - below * (high - low) / (below - above)
-        value = missed(need)
-        low, above = (high, below) if value * below < 0.0 else (low, above / 2.0)
-        high, below = need, value
-    return high
+    return float(optimize.brentq(missed, 0.0, 4.0 * (limit + 10.0 * rank), rtol=1e-4))
 
 
 def torque_shares(battery: Battery) -> Array:
