@@ -159,7 +159,7 @@ def noncentrality(rank: int, degrees: float, level: float) -> float:
 
     which for one column is Student's t about :math:`\sqrt\lambda`.
     """
-    from scipy import optimize
+    from scipy import optimize  # noqa: PLC0415 - takes long to load
 
     limit = rank * float(special.fdtri(rank, degrees, 1.0 - level))
     s = special.chdtri(degrees, MIDDLES) / degrees

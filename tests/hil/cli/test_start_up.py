@@ -131,7 +131,7 @@ def test_no_command_s_help_loads_numerics_or_a_bus() -> None:
         assert not set(loaded.split()) & HEAVY, name
 
 
-def test_planning_needs_no_scipy_and_a_dry_run_neither_bus_nor_optimiser(tmp_path: Path) -> None:
+def test_planning_needs_no_scipy_and_a_dry_run_no_bus(tmp_path: Path) -> None:
     few = ("--gravity", "12", "--inertia", "12", "--coupling", "3")
     plan = str(tmp_path / "plan.yaml")
     _, loaded = program("plan", "manutec-r15", *few, "-o", plan)
