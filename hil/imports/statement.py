@@ -183,6 +183,8 @@ class Statement:
         for number, one, many in (
             (counts.missing, "row lacks a number", "rows lack a number"),
             (counts.doubled, "row has a duplicate time stamp", "rows have duplicate time stamps"),
+            (counts.surplus, *self._surplus()),
+            (counts.inserted, *self._inserted()),
             (counts.repeating, *self._repeating()),
             (counts.disordered, "row was out of order in time", "rows were out of order in time"),
             (self.wraps, "jump of a whole turn is removed", "jumps of whole turns are removed"),
@@ -199,6 +201,22 @@ class Statement:
         first = f"the row before in all columns, from row {counts.first_repeating} on"
         rest = f"{first}, and count as missing"
         return f"row repeats {rest}", f"rows repeat {rest}"
+
+    def _surplus(self) -> tuple[str, str]:
+        """Return words for rows written twice, singular and plural."""
+        rest = (
+            f"written twice, from row {self.timing.counts.first_surplus} on, as the next step of"
+            " the moving joints is an ordinary one; left out"
+        )
+        return f"row is {rest}", f"rows are {rest}"
+
+    def _inserted(self) -> tuple[str, str]:
+        """Return words for missing rows, singular and plural."""
+        rest = (
+            f"missing, the first after row {self.timing.counts.first_inserted}, as the step of all"
+            " moving joints there is a multiple of the steps around it; the rate counts them"
+        )
+        return f"row is {rest}", f"rows are {rest}"
 
     def _velocities(self) -> Iterator[str]:
         joints = [joint for joint, recorded in enumerate(self.recorded, start=1) if recorded]
