@@ -174,6 +174,7 @@ def _lost_rows(segments: list[Integers], parts: list[Integers]) -> Iterator[Susp
             "all: rows are missing there, and a rate does not show how many; the parts are taken "
             "as separate motions; record stamps, or state the parts as rows",
             certain=False,
+            first=True,
         )
 
 

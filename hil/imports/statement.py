@@ -13,6 +13,7 @@ import numpy as np
 from hil.imports.clock import clocks, common_ratio
 from hil.imports.misread import FITS, compared
 from hil.imports.plausibility import coarse
+from hil.runs.journal import FIRST
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
@@ -151,16 +152,18 @@ class Statement:
 
     @property
     def doubts(self) -> tuple[Suspicion, ...]:
-        """Suspicions not accepted by the map."""
+        """Suspicions not accepted by the map, the gravest first."""
         accepted = self.the_map.content.accept
-        return tuple(each for each in self.suspicions if each.check not in accepted)
+        left = (each for each in self.suspicions if each.check not in accepted)
+        return tuple(sorted(left, key=lambda each: each.gravity))
 
     @property
     def warnings(self) -> tuple[str, ...]:
         """Doubts with the line of the map and the remedy."""
         return tuple(
-            f"{self.the_map.wrong(s.location, s.message)}; correct the map, or write accept:"
-            f" [{s.check}] there if this is correct, and import again"
+            f"{self.the_map.wrong(s.location, s.message)};"
+            f" {FIRST if s.first else 'correct the map'}, or write accept: [{s.check}] there if this"
+            " is correct, and import again"
             for s in self.doubts
         )
 
