@@ -3,7 +3,7 @@
 These errors make all results meaningless, so the import is refused. Excerpts of the recording are
 read in alternative ways (`hil.estimation.excluded.alternatives`), and all base parameters are
 fitted under each reading: a sign, two columns exchanged, degrees for radians, an offset by quarters
-of a turn, gravity along another axis. Readings are compared by their misfit sum n_a log s_a^2, the
+of a turn, gravity along another axis, another rate. Readings are compared by their misfit sum n_a log s_a^2, the
 likelihood of the residual mean squares s_a^2 of the axes, and by the chi square lost where motions
 of negative kinetic energy are excluded. The map is refused if another reading gains as much as one
 axis with a ninth of its mean square; a half suffices for two axes whose torques follow no motion.
@@ -67,6 +67,7 @@ MAP_KEYS: dict[str, tuple[str | int, ...]] = {
     "position scale": ("joints",),
     "gravity": ("robot",),
     "no gravity": ("joints",),
+    "sampling rate": ("time",),
     "wrong sign of all torques": ("joints", 0, "torque", "sign"),
 }
 """Keys of the map for causes that concern no single joint."""
@@ -363,6 +364,9 @@ def _readings(robot: Robot, thin: Evidence) -> Iterator[tuple[str, tuple[int, ..
             reading = sized(robot, "gravity", -1, 0.0, heading)(size)
             towards = ", ".join(f"{each:.3g}" for each in reading.gravity)
             yield "gravity", (), f"gravity points along [{towards}]", reading
+    for size in STARTS["sampling rate"] if np.any(robot.gravity) else ():
+        words = f"sampling rate some {1.0 + size / 100.0:g} times that stated"
+        yield "sampling rate", (), words, sized(robot, "sampling rate", -1)(size)
 
 
 def _telling(excerpts: Sequence[Excerpt]) -> list[Excerpt]:

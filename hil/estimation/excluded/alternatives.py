@@ -5,7 +5,8 @@ Each alternative is another reading of the recordings. Joint i is read from chan
     q = sign_q scale q_read + zero,    tau_read = sign_tau gain (A p + H qdd) + friction,
 
 so that a gear ratio N that is stated as N' has scale, gain and gear N' / N, and the rotor inertia H
-is the stated one over gear^2. All base parameters are fitted anew for each reading. Readings are
+is the stated one over gear^2. If the rate is r times that stated, accelerations are r^2 times as
+large, which is the same as r^2 times the inertias (gear 1 / r) and gravity over r^2. All base parameters are fitted anew for each reading. Readings are
 compared by the likelihood of white noise of unknown variance on each axis, sum n_a log s_a^2; they
 have as many unknowns as the stated reading, or one more. Two results are impossible beyond noise,
 regardless of the residual: friction that drives its axis, and motion of negative kinetic energy.
@@ -52,9 +53,11 @@ STARTS = {
     "torque constant": (-50.0, -29.3, 30.0, 41.4, 100.0),
     "slip": (-20.0, -5.0, 5.0, 20.0),
     "gravity": (-90.0, -30.0, 30.0, 90.0, 180.0),
+    "sampling rate": (-75.0, -60.0, -50.0, -37.5, -20.0, 25.0, 60.0, 100.0, 150.0, 300.0),
 }
 """Start values of the searches. Torques are sinusoids of angles; degrees in place of radians are
-too large by a factor of 57, peak values in place of rms values by 41 %.
+too large by a factor of 57, peak values in place of rms values by 41 %. Rates are preferred numbers
+in steps of 1.25.
 """
 
 
@@ -358,6 +361,8 @@ def sized(
             return stated.alter(axis, gain=1.0 / share)
         if cause == "gear ratio":
             return stated.alter(axis, scale=1.0 / share, gain=1.0 / share, gear=1.0 / share)
+        if cause == "sampling rate":
+            return replace(stated, gear=stated.gear / share, gravity=stated.gravity / share**2)
         down, (angle, turn) = stated.gravity, np.pi / 180 * np.array([size, heading])
         across = np.array([np.cos(turn), np.sin(turn)]) @ across_gravity(robot)
         gravity = np.cos(angle) * down + np.sin(angle) * np.linalg.norm(down) * across
@@ -389,6 +394,8 @@ def alternatives(
         for cause, axes, reading in discrete(robot, stated.evidence)
     ]
     turned = (("gravity", -1),) if np.any(robot.gravity) else ()
+    # only the owner of an imported recording states its rate
+    turned = (*turned, ("sampling rate", -1)) if turned and stated.evidence.imported else turned
     of_size = (key for key in sizes if key[0] in STARTS and key[1] >= 0)
     for cause, axis in (("slip", slipped), *turned, *of_size):
         instant = _instant(stated, axis) if cause == "slip" else 0.0

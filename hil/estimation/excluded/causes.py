@@ -132,6 +132,10 @@ CAUSES = {
         "record torques without gravity compensation (of the motors, not of the controller), or "
         "state gravity: [0, 0, 0] in the robot file if no joint carries weight", whole=True,
     ),
+    "sampling rate": Cause(
+        "sampling rate greater than stated by", "%", "%", 0.0,
+        "correct the rate or the unit of time in the map", whole=True, least=-100.0,
+    ),
     "torque at its limit": Cause(
         "torque saturated in many samples", "%", "%", 0.0,
         "measure with lower accelerations, or raise the drive's limit",

@@ -87,6 +87,8 @@ class Evidence:
         Index into `signals`, and index of the sample.
     later : ndarray of bool, shape (n,), optional
         Rows of recordings tested for causes, if the other rows are free of causes.
+    imported : bool
+        True for recordings whose rate was stated by their owner.
     """
 
     axis: Indices
@@ -105,6 +107,7 @@ class Evidence:
     source: Indices
     sample: Indices
     later: Mask | None = None
+    imported: bool = False
 
     def project_out_friction(self, x: Array) -> Array:
         """Project friction out of the rows of `x`, shape (n, ...), part by part."""

@@ -89,6 +89,12 @@ def test_a_sign_on_an_arm_whose_last_axis_seems_to_have_a_negative_inertia(
     assert place[:2] == ("joints", axis)
 
 
+@pytest.mark.parametrize("factor", [0.5, 0.8, 1.25, 2.0])
+def test_a_rate_that_is_wrong_by_a_factor_common_to_all_axes(seen, manutec, factor):
+    found = said(seen, manutec, period=PERIOD * factor)
+    assert found == [(("time",), f"sampling rate some {factor:g} times that stated")]
+
+
 @pytest.mark.parametrize("lag", [-0.9, -0.3, -0.02, 0.02, 0.15, 0.6])
 def test_a_lag_of_all_torques_is_named_whatever_its_size(seen, manutec, lag):
     late = np.array([np.interp(T - lag, T, tau) for tau in seen.tau.T]).T
