@@ -3,13 +3,13 @@
 These errors make all results meaningless, so the import is refused. Excerpts of the recording are
 read in alternative ways (`hil.estimation.excluded.alternatives`), and all base parameters are
 fitted under each reading: a sign, two columns exchanged, degrees for radians, an offset by quarters
-of a turn, gravity along another axis, another rate. Readings are compared by their misfit sum n_a log s_a^2, the
-likelihood of the residual mean squares s_a^2 of the axes, and by the chi square lost where motions
-of negative kinetic energy are excluded. The map is refused if another reading gains as much as one
-axis with a ninth of its mean square; a half suffices for two axes whose torques follow no motion.
-If most of the residual of an axis would be driving friction, any reading with an equal fit and
-without such friction refuses the map. All other causes are left to the estimate, which uses the
-whole recording.
+of a turn, gravity along another axis, another rate. Readings are compared by their misfit sum n_a
+log s_a^2, the likelihood of the residual mean squares s_a^2 of the axes, and by the chi square lost
+where motions of negative kinetic energy are excluded. The map is refused if another reading gains
+as much as one axis with a ninth of its mean square; a half suffices for two axes whose torques
+follow no motion. If most of the residual of an axis would be driving friction, any reading with an
+equal fit and without such friction refuses the map. All other causes are left to the estimate,
+which uses the whole recording.
 """
 
 from __future__ import annotations

@@ -5,11 +5,12 @@ Each alternative is another reading of the recordings. Joint i is read from chan
     q = sign_q scale q_read + zero,    tau_read = sign_tau gain (A p + H qdd) + friction,
 
 so that a gear ratio N that is stated as N' has scale, gain and gear N' / N, and the rotor inertia H
-is the stated one over gear^2. If the rate is r times that stated, accelerations are r^2 times as
-large, which is the same as r^2 times the inertias (gear 1 / r) and gravity over r^2. All base parameters are fitted anew for each reading. Readings are
-compared by the likelihood of white noise of unknown variance on each axis, sum n_a log s_a^2; they
-have as many unknowns as the stated reading, or one more. Two results are impossible beyond noise,
-regardless of the residual: friction that drives its axis, and motion of negative kinetic energy.
+is the stated one over gear^2. A rate r times that stated makes accelerations r^2 times as large:
+the same as inertias times r^2 (gear 1 / r) and gravity over r^2. All base parameters are fitted
+anew for each reading. Readings are compared by the likelihood of white noise of unknown variance on
+each axis, sum n_a log s_a^2; they have as many unknowns as the stated reading, or one more. Two
+results are impossible beyond noise, regardless of the residual: friction that drives its axis, and
+motion of negative kinetic energy.
 """
 
 from __future__ import annotations
@@ -393,7 +394,7 @@ def alternatives(
         Alternative(cause, axes, np.nan, np.nan, stated.instead(reading))
         for cause, axes, reading in discrete(robot, stated.evidence)
     ]
-    turned = (("gravity", -1),) if np.any(robot.gravity) else ()
+    turned: tuple[tuple[str, int], ...] = (("gravity", -1),) if np.any(robot.gravity) else ()
     # only the owner of an imported recording states its rate
     turned = (*turned, ("sampling rate", -1)) if turned and stated.evidence.imported else turned
     of_size = (key for key in sizes if key[0] in STARTS and key[1] >= 0)
