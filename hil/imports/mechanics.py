@@ -90,6 +90,13 @@ by a third, which leaves a ninth of the mean squares.
 """
 UNEXPLAINED = 0.02
 """Minimum residual share of the torque variance for far lags: a twin has 7 % at 200 ms."""
+RATES = {
+    size: f"sampling rate some {1.0 + size / 100.0:g} times that stated"
+    for size in STARTS["sampling rate"]
+}
+"""Words of the rates to try, by size [%]."""
+EDGES = RATES[min(RATES)], RATES[max(RATES)]
+"""Words of the least and the greatest rate."""
 DEGREE = np.pi / 180.0
 """Factor of positions in degrees stated as radians."""
 SLOW = 0.004
@@ -194,6 +201,10 @@ def _misread(
     stated = explained(robot, thin, Reading.stated(robot))
     astray = set(np.flatnonzero(strangers).tolist())
     others = sorted(_others(stated), key=lambda each: -each.gain)
+    rates = [each for each in others if each.cause == "sampling rate"]
+    if rates and rates[0].words in EDGES:
+        # torques without gravity or without coupling prefer any greater or smaller rate
+        others = [each for each in others if each not in rates]
     exchanged = [
         (cause, axes, words, signed)
         for cause, axes, words, reading in _readings(robot, thin)
@@ -364,8 +375,7 @@ def _readings(robot: Robot, thin: Evidence) -> Iterator[tuple[str, tuple[int, ..
             reading = sized(robot, "gravity", -1, 0.0, heading)(size)
             towards = ", ".join(f"{each:.3g}" for each in reading.gravity)
             yield "gravity", (), f"gravity points along [{towards}]", reading
-    for size in STARTS["sampling rate"] if np.any(robot.gravity) else ():
-        words = f"sampling rate some {1.0 + size / 100.0:g} times that stated"
+    for size, words in RATES.items() if np.any(robot.gravity) else ():
         yield "sampling rate", (), words, sized(robot, "sampling rate", -1)(size)
 
 

@@ -54,7 +54,10 @@ STARTS = {
     "torque constant": (-50.0, -29.3, 30.0, 41.4, 100.0),
     "slip": (-20.0, -5.0, 5.0, 20.0),
     "gravity": (-90.0, -30.0, 30.0, 90.0, 180.0),
-    "sampling rate": (-75.0, -60.0, -50.0, -37.5, -20.0, 25.0, 60.0, 100.0, 150.0, 300.0),
+    "sampling rate": (
+        *(-84.0, -75.0, -60.0, -50.0, -37.5, -20.0),
+        *(25.0, 60.0, 100.0, 150.0, 300.0, 525.0),
+    ),
 }
 """Start values of the searches. Torques are sinusoids of angles; degrees in place of radians are
 too large by a factor of 57, peak values in place of rms values by 41 %. Rates are preferred numbers
@@ -350,6 +353,13 @@ def sized(
     stated = Reading.stated(robot)
     unit = np.pi / 180 if axis < 0 or robot.revolute[axis] else 1e-3
 
+    if cause == "sampling rate":
+        return lambda size: replace(
+            stated,
+            gear=stated.gear / (1.0 + size / 100.0),
+            gravity=stated.gravity / (1.0 + size / 100.0) ** 2,
+        )
+
     def read(size: float) -> Reading:
         share = 1.0 + size / 100.0
         if cause == "joint offset":
@@ -362,8 +372,6 @@ def sized(
             return stated.alter(axis, gain=1.0 / share)
         if cause == "gear ratio":
             return stated.alter(axis, scale=1.0 / share, gain=1.0 / share, gear=1.0 / share)
-        if cause == "sampling rate":
-            return replace(stated, gear=stated.gear / share, gravity=stated.gravity / share**2)
         down, (angle, turn) = stated.gravity, np.pi / 180 * np.array([size, heading])
         across = np.array([np.cos(turn), np.sin(turn)]) @ across_gravity(robot)
         gravity = np.cos(angle) * down + np.sin(angle) * np.linalg.norm(down) * across
@@ -508,5 +516,6 @@ def _searched(
         ).x
     )
     here, step = stated.instead(read(size)), 0.01 * reach
-    bend = (misfit(size + step) + misfit(size - step) - 2.0 * here.misfit) / step**2
-    return (size, bend, here) if bend > 0 else None
+    beside = misfit(size - step), misfit(size + step)
+    bend = (sum(beside) - 2.0 * here.misfit) / step**2
+    return (size, bend, here) if min(beside) > here.misfit else None
