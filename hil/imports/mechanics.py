@@ -38,6 +38,7 @@ from hil.estimation.signals import signals
 from hil.estimation.simultaneous import SimultaneousFit
 from hil.imports.evidence import Suspicion
 from hil.imports.two_clocks import clock_of_torques, late_torques
+from hil.least_squares.uncertainty import TWICE
 from hil.model.drive_train_file import USUAL_BOUND
 from hil.planning.free_motion import FreeMotion
 from hil.runs.recording import IDLE, Recording
@@ -144,11 +145,13 @@ def mechanical_suspicions(
             f"torque variance of every moving joint unexplained: {_why_unrelated(smooth, shown)}",
         )
         return
-    misread = list(_misread(robot, excerpts, prepared, solver, shown & (share > NOTHING)))
+    poor = bool(np.median(share) > UNEXPLAINED)
+    strangers = shown & (share > NOTHING)
+    misread = list(_misread(robot, excerpts, prepared, solver, strangers, poor=poor))
     yield from misread
     another = () if misread else list(clock_of_torques(excerpts, robot, shown))
     yield from another
-    if not misread and not another and np.median(share) > UNEXPLAINED:
+    if not misread and not another and poor:
         yield from _late(robot, prepared, solver, shown)
 
 
@@ -192,10 +195,13 @@ def _misread(
     prepared: Prepared,
     solver: SimultaneousFit,
     strangers: Mask,
+    *,
+    poor: bool,
 ) -> Iterator[Suspicion]:
     """Yield a suspicion if another reading of the map explains the torques.
 
-    Torques of `strangers`, shape (n_joints,), do not follow the motion of their axes.
+    Torques of `strangers`, shape (n_joints,), do not follow the motion of their axes. A `poor`
+    model permits that most columns are exchanged.
     """
     thin = measured(robot, solver, prepared).thinned(ROWS)[0].project_out_own()
     stated = explained(robot, thin, Reading.stated(robot))
@@ -213,6 +219,8 @@ def _misread(
     ]
     if others and "exchanged" in others[0].cause:
         exchanged.append((*others[0][2:5], others[0].explained.reading))
+    if poor:
+        exchanged += _by_name(robot)
     # friction of exchanged axes follows another motion, so it is fitted anew
     tried = [
         (_left(robot, excerpts, reading, solver, of_torques), cause, axes, words)
@@ -231,7 +239,7 @@ def _misread(
         yield Suspicion("shape", ("joints", axes[0], *PLACES.get(cause, ())), message)
         return
     n = float(stated.counts[stated.counts > 0].mean())
-    others = [each for each in others if "exchanged" not in each.cause]
+    others = [each for each in others if "exchanged" not in each.cause and _no_worse(stated, each)]
     for other in others:
         # friction that drives contradicts the map, so half of the mean square suffices
         least = -n * float(np.log(LEAVES if other.brakes else EXPLAINS))
@@ -242,6 +250,25 @@ def _misread(
             same.sort(key=lambda each: rank_of(each.cause, *each.axes))
             yield _suspicion(stated, same[0], least, [each.named for each in same[1:]])
             return
+
+
+def _by_name(robot: Robot) -> Iterator[tuple[str, tuple[int, ...], str, Reading]]:
+    """Yield the reading of columns in the alphabetical order of the joints, as ROS sorts them."""
+    stated, names = Reading.stated(robot), list(robot.joint_names)
+    order = tuple(sorted(names).index(name) for name in names)
+    axes = tuple(axis for axis, channel in enumerate(order) if channel != axis)
+    if axes and np.array_equal(robot.revolute[[*order]], robot.revolute):
+        cause = "all axes exchanged"
+        yield cause, axes, CAUSES[cause].words, replace(stated, order=order, torques=order)
+
+
+def _no_worse(stated: Explained, other: _Other) -> bool:
+    """Return True unless a direction of gravity explains one axis at the expense of another.
+
+    A mean square of n samples has a standard deviation of sqrt(2 / n) of its size.
+    """
+    scatter = 1.0 + TWICE * np.sqrt(2.0 / np.maximum(stated.counts, 1.0))
+    return other.cause != "gravity" or bool((other.explained.left <= scatter * stated.left).all())
 
 
 def _others(stated: Explained) -> Iterator[_Other]:

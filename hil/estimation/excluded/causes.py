@@ -119,6 +119,10 @@ CAUSES = {
         "recordings exchanged", "", "", 0.0,
         "exchange their nodes in the drives file, or their columns in the map", whole=True,
     ),
+    "all axes exchanged": Cause(
+        "columns in the alphabetical order of the joints' names", "", "", 0.0,
+        "name the columns of each joint in the map", whole=True,
+    ),
     "two positions exchanged": Cause(
         "positions exchanged", "", "", 0.0,
         "exchange the columns of their positions in the map", whole=True,
