@@ -207,10 +207,10 @@ def _misread(
     stated = explained(robot, thin, Reading.stated(robot))
     astray = set(np.flatnonzero(strangers).tolist())
     others = sorted(_others(stated), key=lambda each: -each.gain)
+    # torques without gravity or without coupling prefer any greater or smaller rate
     rates = [each for each in others if each.cause == "sampling rate"]
-    if rates and rates[0].words in EDGES:
-        # torques without gravity or without coupling prefer any greater or smaller rate
-        others = [each for each in others if each not in rates]
+    sure = bool(rates) and rates[0].words not in EDGES and _no_worse(stated, rates[0])
+    others = [each for each in others if each not in rates[sure:]]
     exchanged = [
         (cause, axes, words, signed)
         for cause, axes, words, reading in _readings(robot, thin)
@@ -263,12 +263,13 @@ def _by_name(robot: Robot) -> Iterator[tuple[str, tuple[int, ...], str, Reading]
 
 
 def _no_worse(stated: Explained, other: _Other) -> bool:
-    """Return True unless a direction of gravity explains one axis at the expense of another.
+    """Return True unless gravity or a rate, common to all axes, explains one and spoils another.
 
     A mean square of n samples has a standard deviation of sqrt(2 / n) of its size.
     """
     scatter = 1.0 + TWICE * np.sqrt(2.0 / np.maximum(stated.counts, 1.0))
-    return other.cause != "gravity" or bool((other.explained.left <= scatter * stated.left).all())
+    common = other.cause in ("gravity", "sampling rate")
+    return not common or bool((other.explained.left <= scatter * stated.left).all())
 
 
 def _others(stated: Explained) -> Iterator[_Other]:
