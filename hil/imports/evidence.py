@@ -43,7 +43,7 @@ class Suspicion:
     certain : bool
         True if the import is refused; other suspicions are stated.
     first : bool
-        True for wrong times of rows: the misfit of any model follows from them.
+        True for wrong times of rows, from which the misfit of any model follows.
     """
 
     check: Check

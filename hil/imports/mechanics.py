@@ -220,7 +220,7 @@ def _misread(
     if others and "exchanged" in others[0].cause:
         exchanged.append((*others[0][2:5], others[0].explained.reading))
     if poor:
-        exchanged += _by_name(robot)
+        exchanged += _alphabetical_order(robot)
     # friction of exchanged axes follows another motion, so it is fitted anew
     tried = [
         (_left(robot, excerpts, reading, solver, of_torques), cause, axes, words)
@@ -252,7 +252,7 @@ def _misread(
             return
 
 
-def _by_name(robot: Robot) -> Iterator[tuple[str, tuple[int, ...], str, Reading]]:
+def _alphabetical_order(robot: Robot) -> Iterator[tuple[str, tuple[int, ...], str, Reading]]:
     """Yield the reading of columns in the alphabetical order of the joints, as ROS sorts them."""
     stated, names = Reading.stated(robot), list(robot.joint_names)
     order = tuple(sorted(names).index(name) for name in names)
@@ -263,9 +263,9 @@ def _by_name(robot: Robot) -> Iterator[tuple[str, tuple[int, ...], str, Reading]
 
 
 def _no_worse(stated: Explained, other: _Other) -> bool:
-    """Return True unless gravity or a rate, common to all axes, explains one and spoils another.
+    """Return True unless gravity or a rate, common to all axes, spoils an axis.
 
-    A mean square of n samples has a standard deviation of sqrt(2 / n) of its size.
+    A mean square of n samples has a relative standard deviation of sqrt(2 / n).
     """
     scatter = 1.0 + TWICE * np.sqrt(2.0 / np.maximum(stated.counts, 1.0))
     common = other.cause in ("gravity", "sampling rate")

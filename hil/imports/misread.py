@@ -117,7 +117,7 @@ def misread_velocities(evidence: Evidence, robot: Robot) -> Iterator[Suspicion]:
 def _within_error(evidence: Evidence, robot: Robot) -> Mask:
     """Return joints slower than the velocity error of a joint of the same kind that follows.
 
-    Other joints carry them a little: at such speeds a sensor is not compared with another.
+    Moving joints carry such joints a little, and sensors differ at such speeds.
     """
     error = np.zeros(len(evidence.moves))
     for joint in np.flatnonzero(compared(evidence)):

@@ -77,7 +77,7 @@ def suspicions(
     if not any(suspicion.certain for suspicion in found):
         found += misread_torques(excerpts, evidence, robot)
         most = np.abs(evidence.tau).max(axis=0)
-        # one limit of all joints may be a placeholder: first joints of a chain bear the others
+        # an equal limit may be a placeholder: first joints of a chain bear the following joints
         alike = robot.n_joints > 1 and np.ptp(robot.torque_limit) == 0
         if not (unknown_gains or alike):
             low = [*small(evidence, robot, "torque", most, robot.torque_limit)]

@@ -1,9 +1,9 @@
 """Number of rows at a stated rate: rows written twice, and rows missing.
 
-A stated rate counts the rows, and positions tell where the count is wrong. The step of each joint
-is compared with the median of its neighbours. After a row written twice it is an ordinary step, but
-twice as large after a held row, which took the place of a sample. Where rows are missing, the steps
-of all moving joints are the same multiple of their neighbours, though the speed before and after is
+A stated rate counts the rows, and positions tell where the count is wrong. The step of a joint
+is compared with the median step nearby. After a row written twice the step is ordinary, but
+twice as large after a held row in place of a sample. Where rows are missing, the steps
+of the moving joints are an equal multiple of the steps nearby, though the speed before and after is
 equal; a row that was sampled late has a short step after it.
 """
 
@@ -26,13 +26,13 @@ if TYPE_CHECKING:
     from hil.imports.samples import Samples
 
 LONGEST = 10
-"""Maximum ratio of a step to its neighbours: above, rows are split there."""
+"""Maximum ratio of a step to the steps nearby: above, rows are split there."""
 NEAR = 4
 """Number of steps on either side with the ordinary step as their median."""
 WHOLE = 0.25
 """Maximum difference of a ratio of steps from a whole number, half of a rounding."""
 CLEAR = 3 / WHOLE
-"""Minimum ratio of a step to its noise: three standard deviations are within `WHOLE`."""
+"""Minimum ratio of a step to the noise: three standard deviations are within `WHOLE`."""
 INCREMENTS = 2 / WHOLE
 """Minimum ratio of a step to an increment: two steps rounded by half each are within `WHOLE`."""
 BRIDGED = 0.02
@@ -50,7 +50,7 @@ class RowCount:
 
 
 def repeats_before(samples: Samples, rows: Integers) -> Mask:
-    """Return a mask of the rows that repeat all values of the previous row."""
+    """Return a mask of the rows that repeat the values of the previous row."""
     same = np.zeros(len(rows), dtype=bool)
     for begin in range(1, len(rows), ROWS):
         part = rows[begin - 1 : begin + ROWS]
@@ -116,7 +116,7 @@ def _repeating(same: Mask, kept: Integers) -> Mask:
 
 
 def _true_steps(q: Array, counted: Integers, twice: Mask) -> tuple[Integers, Mask]:
-    """Return the number of periods of all steps, and a mask of the steps that show it.
+    """Return the number of periods of steps, and a mask of the steps that show the number.
 
     Parameters
     ----------

@@ -164,7 +164,7 @@ def _doubted(model: Model) -> Iterator[Reservation]:
 
 
 def _first(model: Model, others: Sequence[Reservation]) -> Iterator[Reservation]:
-    """Yield wrong times of rows, as bad as the worst of other objections: these follow from it."""
+    """Yield wrong times of rows, as bad as the worst objection."""
     worst = max((each.word for each in others), key=WORDS.index, default="doubtful")
     for warning in model.provenance.warnings:
         if FIRST in warning:

@@ -403,7 +403,7 @@ def alternatives(
         for cause, axes, reading in discrete(robot, stated.evidence)
     ]
     turned: tuple[tuple[str, int], ...] = (("gravity", -1),) if np.any(robot.gravity) else ()
-    # only the owner of an imported recording states its rate
+    # only owners of imported recordings state rates
     turned = (*turned, ("sampling rate", -1)) if turned and stated.evidence.imported else turned
     of_size = (key for key in sizes if key[0] in STARTS and key[1] >= 0)
     for cause, axis in (("slip", slipped), *turned, *of_size):

@@ -88,7 +88,7 @@ class Evidence:
     later : ndarray of bool, shape (n,), optional
         Rows of recordings tested for causes, if the other rows are free of causes.
     imported : bool
-        True for recordings whose rate was stated by their owner.
+        True for recordings with a rate stated by the owner.
     """
 
     axis: Indices
