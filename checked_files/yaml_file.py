@@ -297,6 +297,10 @@ def _message(problem: object, model: type[BaseModel] | None) -> str:
     if problem["type"] == "extra_forbidden":
         *above, key = _location(problem)
         known = known_keys(model, above) if model else ()
+        for depth in range(len(above)):
+            if model and str(key) in known_keys(model, above[:depth]):
+                level = f"in {place(tuple(above[:depth]))}" if depth else "at the top level"
+                return f"unknown key here; write it {level} of the file"
         return f"unknown key; remove it or correct its spelling{did_you_mean(str(key), known)}"
     if problem["type"] == "missing":
         return _MISSING

@@ -78,6 +78,7 @@ def clock_suspicions(
             f"fit; correct the {'rate' if rate else 'stamps'} or the unit of time, or the "
             "velocities' common unit",
             certain=len(ratio) > 1 and abs(np.log(common)) > np.log(OTHER),
+            first=True,
         )
     elif explained or abs(np.log(common)) > np.log(OTHER) or shown.sum() < 2:
         return
@@ -96,6 +97,7 @@ def clock_suspicions(
             f"sampling periods reach from {1e3 * low * period:.3g} to {1e3 * high * period:.3g} "
             f"ms, mean {1e3 * period:.3g} ms; {remedy}",
             certain=False,
+            first=True,
         )
 
 

@@ -28,11 +28,13 @@ _WORDS = {
     },
 }
 """Words in the names of columns, by kind."""
+_STATE = {"1": "position", "2": "velocity"}
+"""Kinds by the last number of a state in three dimensions, as of simulators."""
 OTHER = "other"
 """Kind of columns that are not measurements of a joint."""
 _JOINTS = {"joint", "axis", "motor", "j"}
 _TIMES = {"t", "time", "times", "timestamp", "timestamps", "stamp", "secs", "seconds", "ipoc"}
-_TIMES |= {"tout", "duration", "zeit"}
+_TIMES |= {"tout", "duration", "zeit", "zeitstempel"}
 _TIME_AXES = {"x_value", "ts"}
 """Names of a time axis, in small letters: in measurement files of LabVIEW, and short for stamps."""
 SECOND_WORDS = {"sec", "secs", "second", "seconds", "s"}
@@ -41,6 +43,8 @@ _SET_POINTS = {"ref", "reference", "des", "desired", "cmd", "command", "target",
 _SET_POINTS |= {"ctrl", "action", "actions", "setpoint", "setpoints", "sp", "soll", "input", "d"}
 _PARTS_OF_TORQUE = {"applied", "bias", "constraint", "gravcomp", "inverse", "passive"}
 """Parts of the torque of a joint in MuJoCo, `qfrc_bias`, beside that of its actuator."""
+COMPUTED = {"computed", "calculated", "calc", "estimated", "est", "modelled", "predicted", "ideal"}
+"""Words for values of a model, taken where no measured value has the same number."""
 _FILLERS = {"actual", "measured", "meas", "act", "ist"}
 
 
@@ -59,6 +63,8 @@ def meaning_of(name: str, *, rises: bool) -> tuple[str, list[str]]:
     """Return the kind of a column (empty if unknown) and the remaining words of its name."""
     unit, rest = unit_in(name)
     words = words_of(rest)
+    if "state" in words and words[-1] in _STATE and words[-2].isdigit():
+        return _STATE[words[-1]], words[:-1]
     kind, word = _kind(words, unit, rises=rises)
     kind = OTHER if (_SET_POINTS | _TIMES).intersection(words) else kind
     if word == "qfrc" and _PARTS_OF_TORQUE.intersection(words):

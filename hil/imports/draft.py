@@ -10,7 +10,7 @@ from __future__ import annotations
 import json
 import re
 from dataclasses import dataclass
-from itertools import pairwise
+from itertools import groupby, pairwise
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -19,6 +19,7 @@ from checked_files.foreign_text import one_line
 from checked_files.yaml_file import UNSTATED, FileError
 from checked_files.yaml_text import comment, mark_unstated, quoted
 from hil.imports.column_names import (
+    COMPUTED,
     NANOSECOND_WORDS,
     OTHER,
     SECOND_WORDS,
@@ -147,7 +148,8 @@ def _time_of(table: Table, columns: Sequence[SeenColumn]) -> tuple[SeenColumn, .
     # the first column of an array, as written by Simulink
     unnamed = [column for column in rising if not column.name or column.name.endswith("/1")]
     dated = [c for c in rising if units_of_date(c.low) and units_of_date(c.high)]
-    return tuple([*named, *unnamed, *dated][:1])
+    timed = [c for c in rising if stated_unit("time", c.name)]
+    return tuple([*named, *timed, *unnamed, *dated][:1])
 
 
 def _stamp_in_two(columns: Sequence[SeenColumn]) -> tuple[SeenColumn, ...]:
@@ -244,13 +246,19 @@ def _joints(columns: Sequence[SeenColumn]) -> list[dict[str, SeenColumn]]:
         bare = (numbers for _, own, numbers in kinds.get(kind, ()) if own == set(numbers))
         apart = any(numbers not in of_positions for numbers in bare)
         pairs = [
-            (len(words & own) - 0.1 * len(own ^ words), -column.number, -joint, column)
+            (
+                not COMPUTED & own,
+                len(words & own) - 0.1 * len(own ^ words),
+                -column.number,
+                -joint,
+                column,
+            )
             for column, own, numbers in kinds.get(kind, ())
             for joint, (_, words, others) in enumerate(kinds.get("position", ()))
             if numbers == others and (not apart or own != set(numbers) or words == set(others))
         ]
         taken: set[int] = set()
-        for _, _, joint, column in sorted(pairs, reverse=True, key=lambda pair: pair[:3]):
+        for *_, joint, column in sorted(pairs, reverse=True, key=lambda pair: pair[:4]):
             if kind not in joints[-joint] and column.number not in taken:
                 joints[-joint][kind] = column
                 taken.add(column.number)
@@ -312,8 +320,22 @@ def _not_placed(
         "position": "position by the name, without a torque of equal number or a joint of the "
         f"robot; {if_one}",
     }
-    alone = f"by the name, without a position of equal number; {if_one}"
-    return {", ".join(names): reasons.get(kind, f"{kind} {alone}") for kind, names in found.items()}
+    alone = f"by the name, without a position of equal number or beside another {{}}; {if_one}"
+    return {
+        ", ".join(_families(names)): reasons.get(kind, f"{kind} {alone.format(kind)}")
+        for kind, names in found.items()
+    }
+
+
+def _families(names: Sequence[str]) -> Iterator[str]:
+    """Yield names, successive columns of an array as the first and the last."""
+    for stem, family in groupby(names, lambda name: re.sub(r"\d+$", "", name)):
+        first, *rest = family
+        yield (
+            f"{first} to {rest[-1]}"
+            if stem != first and len(rest) > 1
+            else ", ".join((first, *rest))
+        )
 
 
 def _joint(

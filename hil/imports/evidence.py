@@ -24,6 +24,10 @@ if TYPE_CHECKING:
     from hil.least_squares.window import Extent
 
 
+GRAVITY: tuple[Check, ...] = ("shape", "spikes", "range", "velocity", "still", "friction")
+"""Checks, the gravest first: torques, single values, limits, velocities, which are optional."""
+
+
 @dataclass(frozen=True)
 class Suspicion:
     """Contradiction between a recording and its map.
@@ -38,12 +42,21 @@ class Suspicion:
         Value, bound and remedy in a sentence that follows the place.
     certain : bool
         True if the import is refused; other suspicions are stated.
+    first : bool
+        True for wrong times of rows, from which the misfit of any model follows.
     """
 
     check: Check
     location: tuple[str | int, ...]
     message: str
     certain: bool = True
+    first: bool = False
+
+    @property
+    def gravity(self) -> tuple[bool, int, bool]:
+        """Key that sorts suspicions, the gravest first: a joint at rest is no mistake."""
+        column = self.location[-1:]
+        return not self.first, GRAVITY.index(self.check), column == ("position",)
 
 
 HALF_WIDTH = 0.02

@@ -3,13 +3,13 @@
 These errors make all results meaningless, so the import is refused. Excerpts of the recording are
 read in alternative ways (`hil.estimation.excluded.alternatives`), and all base parameters are
 fitted under each reading: a sign, two columns exchanged, degrees for radians, an offset by quarters
-of a turn, gravity along another axis. Readings are compared by their misfit sum n_a log s_a^2, the
-likelihood of the residual mean squares s_a^2 of the axes, and by the chi square lost where motions
-of negative kinetic energy are excluded. The map is refused if another reading gains as much as one
-axis with a ninth of its mean square; a half suffices for two axes whose torques follow no motion.
-If most of the residual of an axis would be driving friction, any reading with an equal fit and
-without such friction refuses the map. All other causes are left to the estimate, which uses the
-whole recording.
+of a turn, gravity along another axis, another rate. Readings are compared by their misfit sum n_a
+log s_a^2, the likelihood of the residual mean squares s_a^2 of the axes, and by the chi square lost
+where motions of negative kinetic energy are excluded. The map is refused if another reading gains
+as much as one axis with a ninth of its mean square; a half suffices for two axes whose torques
+follow no motion. If most of the residual of an axis would be driving friction, any reading with an
+equal fit and without such friction refuses the map. All other causes are left to the estimate,
+which uses the whole recording.
 """
 
 from __future__ import annotations
@@ -38,6 +38,7 @@ from hil.estimation.signals import signals
 from hil.estimation.simultaneous import SimultaneousFit
 from hil.imports.evidence import Suspicion
 from hil.imports.two_clocks import clock_of_torques, late_torques
+from hil.least_squares.uncertainty import TWICE
 from hil.model.base_parameters import base_parameters
 from hil.model.drive_train_file import USUAL_BOUND
 from hil.planning.free_motion import FreeMotion
@@ -68,6 +69,7 @@ MAP_KEYS: dict[str, tuple[str | int, ...]] = {
     "position scale": ("joints",),
     "gravity": ("robot",),
     "no gravity": ("joints",),
+    "sampling rate": ("time",),
     "wrong sign of all torques": ("joints", 0, "torque", "sign"),
 }
 """Keys of the map for causes that concern no single joint."""
@@ -90,6 +92,13 @@ by a third, which leaves a ninth of the mean squares.
 """
 UNEXPLAINED = 0.02
 """Minimum residual share of the torque variance for far lags: a twin has 7 % at 200 ms."""
+RATES = {
+    size: f"sampling rate some {1.0 + size / 100.0:g} times that stated"
+    for size in STARTS["sampling rate"]
+}
+"""Words of the rates to try, by size [%]."""
+EDGES = RATES[min(RATES)], RATES[max(RATES)]
+"""Words of the least and the greatest rate."""
 DEGREE = np.pi / 180.0
 """Factor of positions in degrees stated as radians."""
 SLOW = 0.004
@@ -137,11 +146,13 @@ def mechanical_suspicions(
             f"torque variance of every moving joint unexplained: {_why_unrelated(smooth, shown)}",
         )
         return
-    misread = list(_misread(robot, excerpts, prepared, solver, shown & (share > NOTHING)))
+    poor = bool(np.median(share) > UNEXPLAINED)
+    strangers = shown & (share > NOTHING)
+    misread = list(_misread(robot, excerpts, prepared, solver, strangers, poor=poor))
     yield from misread
     another = () if misread else list(clock_of_torques(excerpts, robot, shown))
     yield from another
-    if not misread and not another and np.median(share) > UNEXPLAINED:
+    if not misread and not another and poor:
         yield from _late(robot, prepared, solver, shown)
 
 
@@ -185,10 +196,13 @@ def _misread(
     prepared: Prepared,
     solver: SimultaneousFit,
     strangers: Mask,
+    *,
+    poor: bool,
 ) -> Iterator[Suspicion]:
     """Yield a suspicion if another reading of the map explains the torques.
 
-    Torques of `strangers`, shape (n_joints,), do not follow the motion of their axes.
+    Torques of `strangers`, shape (n_joints,), do not follow the motion of their axes. A `poor`
+    model permits that most columns are exchanged.
     """
     thin = measured(robot, solver, prepared).thinned(ROWS)[0].project_out_own()
     stated = explained(robot, thin, Reading.stated(robot))
@@ -198,6 +212,10 @@ def _misread(
         return
     astray = set(np.flatnonzero(strangers).tolist())
     others = sorted(_others(stated), key=lambda each: -each.gain)
+    # torques without gravity or without coupling prefer any greater or smaller rate
+    rates = [each for each in others if each.cause == "sampling rate"]
+    sure = bool(rates) and rates[0].words not in EDGES and _no_worse(stated, rates[0])
+    others = [each for each in others if each not in rates[sure:]]
     exchanged = [
         (cause, axes, words, signed)
         for cause, axes, words, reading in _readings(robot, thin)
@@ -206,6 +224,8 @@ def _misread(
     ]
     if others and "exchanged" in others[0].cause:
         exchanged.append((*others[0][2:5], others[0].explained.reading))
+    if poor:
+        exchanged += _alphabetical_order(robot)
     # friction of exchanged axes follows another motion, so it is fitted anew
     tried = [
         (_left(robot, excerpts, reading, solver, of_torques), cause, axes, words)
@@ -224,7 +244,7 @@ def _misread(
         yield Suspicion("shape", ("joints", axes[0], *PLACES.get(cause, ())), message)
         return
     n = float(stated.counts[stated.counts > 0].mean())
-    others = [each for each in others if "exchanged" not in each.cause]
+    others = [each for each in others if "exchanged" not in each.cause and _no_worse(stated, each)]
     for other in others:
         # friction that drives contradicts the map, so half of the mean square suffices
         least = -n * float(np.log(LEAVES if other.brakes else EXPLAINS))
@@ -235,6 +255,26 @@ def _misread(
             same.sort(key=lambda each: rank_of(each.cause, *each.axes))
             yield _suspicion(stated, same[0], least, [each.named for each in same[1:]])
             return
+
+
+def _alphabetical_order(robot: Robot) -> Iterator[tuple[str, tuple[int, ...], str, Reading]]:
+    """Yield the reading of columns in the alphabetical order of the joints, as ROS sorts them."""
+    stated, names = Reading.stated(robot), list(robot.joint_names)
+    order = tuple(sorted(names).index(name) for name in names)
+    axes = tuple(axis for axis, channel in enumerate(order) if channel != axis)
+    if axes and np.array_equal(robot.revolute[[*order]], robot.revolute):
+        cause = "all axes exchanged"
+        yield cause, axes, CAUSES[cause].words, replace(stated, order=order, torques=order)
+
+
+def _no_worse(stated: Explained, other: _Other) -> bool:
+    """Return True unless gravity or a rate, common to all axes, spoils an axis.
+
+    A mean square of n samples has a relative standard deviation of sqrt(2 / n).
+    """
+    scatter = 1.0 + TWICE * np.sqrt(2.0 / np.maximum(stated.counts, 1.0))
+    common = other.cause in ("gravity", "sampling rate")
+    return not common or bool((other.explained.left <= scatter * stated.left).all())
 
 
 def _others(stated: Explained) -> Iterator[_Other]:
@@ -368,6 +408,8 @@ def _readings(robot: Robot, thin: Evidence) -> Iterator[tuple[str, tuple[int, ..
             reading = sized(robot, "gravity", -1, 0.0, heading)(size)
             towards = ", ".join(f"{each:.3g}" for each in reading.gravity)
             yield "gravity", (), f"gravity points along [{towards}]", reading
+    for size, words in RATES.items() if np.any(robot.gravity) else ():
+        yield "sampling rate", (), words, sized(robot, "sampling rate", -1)(size)
 
 
 def _telling(excerpts: Sequence[Excerpt]) -> list[Excerpt]:

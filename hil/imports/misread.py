@@ -90,7 +90,7 @@ def other_units(robot: Robot, joint: int) -> dict[str, float]:
 
 def misread_velocities(evidence: Evidence, robot: Robot) -> Iterator[Suspicion]:
     """Yield suspicions of recorded velocities that contradict the derivatives of the positions."""
-    for joint in np.flatnonzero(compared(evidence)).tolist():
+    for joint in np.flatnonzero(compared(evidence) & ~_within_error(evidence, robot)).tolist():
         own, other = evidence.recorded_qd[:, joint], evidence.qd[:, joint]
         at = ("joints", joint, "velocity")
         correlation = _correlation(own, other)
@@ -112,6 +112,21 @@ def misread_velocities(evidence: Evidence, robot: Robot) -> Iterator[Suspicion]:
         correlation = _correlation(evidence.recorded_qd[:, joint], evidence.qd[:, joint])
         message = _fits_none(evidence, joint, correlation)
         yield Suspicion("velocity", ("joints", joint, "velocity"), message)
+
+
+def _within_error(evidence: Evidence, robot: Robot) -> Mask:
+    """Return joints slower than the velocity error of a joint of the same kind that follows.
+
+    Moving joints carry such joints a little, and sensors differ at such speeds.
+    """
+    error = np.zeros(len(evidence.moves))
+    for joint in np.flatnonzero(compared(evidence)):
+        own, other = evidence.recorded_qd[:, joint], evidence.qd[:, joint]
+        if _correlation(own, other) >= FITS:
+            alike = robot.revolute == robot.revolute[joint]
+            error[alike] = np.maximum(error[alike], np.sqrt(np.mean((own - other) ** 2)))
+    fastest = np.maximum(np.abs(evidence.qd), np.abs(evidence.recorded_qd)).max(axis=0)
+    return np.asarray(fastest < error)
 
 
 def compared(evidence: Evidence) -> Mask:

@@ -14,6 +14,7 @@ from hil.imports.evidence import Evidence, Suspicion, even_samples, excerpts_of
 from hil.imports.mixed_rows import source_suspicions
 from hil.imports.plausibility import suspicions
 from hil.imports.rounded import rounded_torques
+from hil.imports.row_count import RowCount, recounted
 from hil.imports.samples import columns_of, positions_reached, read_samples
 from hil.imports.segments import (
     SHORTEST,
@@ -125,14 +126,16 @@ def interpret(
     """
     _refuse_without_numbers(the_map, samples)
     segments = chosen_rows(the_map, samples)
-    lost = []
-    if the_map.content.time is not None and the_map.content.time.rate is not None:
+    lost, count = [], RowCount()
+    if the_map.content.time is not None and (rate := the_map.content.time.rate) is not None:
+        samples, segments, count = recounted(samples, segments, rate)
         parts = split_at_jumps(samples, segments)
         lost = list(_lost_rows(segments, parts))
         segments = parts
     mixed = list(source_suspicions(samples, segments))
     _refuse(the_map, mixed)
     timing = _timing(the_map, samples, segments)
+    timing.counts.add(count)
     spikes = list(spike_suspicions(samples, timing.stretches, robot))
     spikes += clipped_positions(samples, timing.stretches, robot)
     _refuse(the_map, spikes)
@@ -171,6 +174,7 @@ def _lost_rows(segments: list[Integers], parts: list[Integers]) -> Iterator[Susp
             "all: rows are missing there, and a rate does not show how many; the parts are taken "
             "as separate motions; record stamps, or state the parts as rows",
             certain=False,
+            first=True,
         )
 
 

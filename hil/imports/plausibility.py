@@ -73,10 +73,14 @@ def suspicions(
     """
     ranges = range_suspicions(evidence, robot, unknown_gains, reached)
     found = [*unmeasurable(evidence), *_still(evidence, robot, alone, passive), *ranges]
+    low: list[Suspicion] = []
     if not any(suspicion.certain for suspicion in found):
         found += misread_torques(excerpts, evidence, robot)
         most = np.abs(evidence.tau).max(axis=0)
-        low = [] if unknown_gains else [*small(evidence, robot, "torque", most, robot.torque_limit)]
+        # an equal limit may be a placeholder: first joints of a chain bear the following joints
+        alike = robot.n_joints > 1 and np.ptp(robot.torque_limit) == 0
+        if not (unknown_gains or alike):
+            low = [*small(evidence, robot, "torque", most, robot.torque_limit)]
         found += low
     uneven: list[Suspicion] = []
     if not any(suspicion.certain for suspicion in found):  # otherwise no equations are needed

@@ -18,10 +18,9 @@ from itertools import pairwise
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.lib.stride_tricks import sliding_window_view
 
 from hil.imports.instants import resampled
-from hil.least_squares.window import increment
+from hil.imports.row_count import increments
 from hil.runs.recording import IDLE
 
 if TYPE_CHECKING:
@@ -131,23 +130,12 @@ def split_at_jumps(samples: Samples, segments: Sequence[Integers]) -> list[Integ
             joints += bool(step.any())
             at = np.flatnonzero(step[2:-2] > FAR * around)
             # increments of an encoder, or of significant digits, are no jumps
-            at = at[step[at + 2] > FARTHER * _increments(x, at + 2)] if len(at) else at
+            at = at[step[at + 2] > FARTHER * increments(x, at + 2)] if len(at) else at
             far[at + 2] += 1
             farther[at + 2] |= step[at + 2] > FARTHER * around[at]
         jumps = np.flatnonzero(farther & (far >= min(joints, 2)))
         found += np.split(rows, jumps + 1) if len(jumps) < RARE * len(rows) else [rows]
     return found
-
-
-def _increments(x: Array, rows: Integers) -> Array:
-    """Return the increments between rows and the next: of significant digits, they grow with x."""
-    values = np.sort(x)
-    values = values[np.diff(values, prepend=-np.inf) > 0.5 * increment(values)]
-    # the least of ten steps is far below a jump, unless values are rounded
-    steps = np.pad(np.diff(values), 5, constant_values=np.inf)
-    least = sliding_window_view(steps, 10).min(axis=1)
-    ends = np.searchsorted(values, x[[rows, rows + 1]]).clip(max=len(values) - 1)
-    return np.asarray(least[ends].max(axis=0))
 
 
 def _split_files(samples: Samples, rows: Integers, *, stamped: bool) -> list[Integers]:

@@ -26,12 +26,14 @@ from hil.imports.instants import (
     lost,
     stretch_of,
 )
+from hil.imports.row_count import repeats_before
 from hil.imports.tables import ROWS, SECONDS
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
     from hil.arrays import Array, Integers
+    from hil.imports.row_count import RowCount
     from hil.imports.samples import Samples
 
 
@@ -57,6 +59,10 @@ class Counts:
         Number of stretches that are too short, with `short_time` [s] in total.
     repeating, first_repeating : int
         Number of rows that repeat all values of the previous row, and the first one, from 1.
+    surplus, first_surplus : int
+        Number of rows written twice at a stated rate, and the first one, from 1.
+    inserted, first_inserted : int
+        Number of rows found missing at a stated rate, and the row before the first one, from 1.
     held : int
         Number of rows over which positions are held.
     repeated : int
@@ -71,6 +77,10 @@ class Counts:
     disordered: int = 0
     repeating: int = 0
     first_repeating: int = 0
+    surplus: int = 0
+    first_surplus: int = 0
+    inserted: int = 0
+    first_inserted: int = 0
     gaps: int = 0
     lost: float = 0.0
     bridged: int = 0
@@ -79,6 +89,12 @@ class Counts:
     held: int = 1
     repeated: int = 0
     jitter: float = 0.0
+
+    def add(self, count: RowCount) -> None:
+        """Add the rows written twice, already left out, and the rows missing."""
+        self.rows += count.surplus
+        self.surplus, self.first_surplus = count.surplus, count.first_surplus
+        self.inserted, self.first_inserted = count.missing, count.first_missing
 
 
 @dataclass
@@ -113,7 +129,11 @@ def timing_of(samples: Samples, segments: list[Integers], *, trusted: bool = Fal
     usable = [rows for rows in usable if len(rows) > 1]
     if not usable:
         raise WrongStamps("no two rows with all columns present; choose other columns or rows")
-    period = _period([samples.time[rows] for rows in usable])
+    times = [samples.time[rows] for rows in usable]
+    # a stated rate remains, however many rows are missing
+    period = (
+        float(np.median(np.concatenate(list(map(np.diff, times))))) if trusted else _period(times)
+    )
     if period < 0:
         raise WrongStamps("time runs backwards; choose another column of time, or reverse the rows")
     if not period > 0:
@@ -237,13 +257,7 @@ def _drop_held(samples: Samples, rows: Integers, period: float, counts: Counts) 
     Values held for less than a bridged gap, or 2.5 times the usual hold, are left out and
     interpolated like missing samples. At rest this makes no difference.
     """
-    same = np.zeros(len(rows), dtype=bool)
-    for begin in range(1, len(rows), ROWS):
-        part = rows[begin - 1 : begin + ROWS]
-        # rows with a change in the first column are new, so other columns need no check
-        alike = 1 + np.flatnonzero(np.diff(samples.values[part, 0]) == 0)
-        before, after = (np.nan_to_num(samples.values[part[at]]) for at in (alike - 1, alike))
-        same[begin - 1 + alike] = (before == after).all(axis=1)
+    same = repeats_before(samples, rows)
     changes = np.flatnonzero(~same)
     if len(changes) == len(rows) or len(changes) < 2:
         return rows

@@ -13,6 +13,7 @@ import numpy as np
 from hil.imports.clock import clocks, common_ratio
 from hil.imports.misread import FITS, compared
 from hil.imports.plausibility import coarse
+from hil.runs.journal import FIRST
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
@@ -151,16 +152,18 @@ class Statement:
 
     @property
     def doubts(self) -> tuple[Suspicion, ...]:
-        """Suspicions not accepted by the map."""
+        """Suspicions not accepted by the map, the gravest first."""
         accepted = self.the_map.content.accept
-        return tuple(each for each in self.suspicions if each.check not in accepted)
+        left = (each for each in self.suspicions if each.check not in accepted)
+        return tuple(sorted(left, key=lambda each: each.gravity))
 
     @property
     def warnings(self) -> tuple[str, ...]:
         """Doubts with the line of the map and the remedy."""
         return tuple(
-            f"{self.the_map.wrong(s.location, s.message)}; correct the map, or write accept:"
-            f" [{s.check}] there if this is correct, and import again"
+            f"{self.the_map.wrong(s.location, s.message)};"
+            f" {FIRST if s.first else 'correct the map'}, or write accept: [{s.check}] there if"
+            " this is correct, and import again"
             for s in self.doubts
         )
 
@@ -183,6 +186,8 @@ class Statement:
         for number, one, many in (
             (counts.missing, "row lacks a number", "rows lack a number"),
             (counts.doubled, "row has a duplicate time stamp", "rows have duplicate time stamps"),
+            (counts.surplus, *self._surplus()),
+            (counts.inserted, *self._inserted()),
             (counts.repeating, *self._repeating()),
             (counts.disordered, "row was out of order in time", "rows were out of order in time"),
             (self.wraps, "jump of a whole turn is removed", "jumps of whole turns are removed"),
@@ -199,6 +204,22 @@ class Statement:
         first = f"the row before in all columns, from row {counts.first_repeating} on"
         rest = f"{first}, and count as missing"
         return f"row repeats {rest}", f"rows repeat {rest}"
+
+    def _surplus(self) -> tuple[str, str]:
+        """Return words for rows written twice, singular and plural."""
+        rest = (
+            f"written twice, from row {self.timing.counts.first_surplus} on, as the next step of"
+            " the moving joints is an ordinary one; left out"
+        )
+        return f"row is {rest}", f"rows are {rest}"
+
+    def _inserted(self) -> tuple[str, str]:
+        """Return words for missing rows, singular and plural."""
+        rest = (
+            f"missing, the first after row {self.timing.counts.first_inserted}, as the step of all"
+            " moving joints there is a multiple of the steps around it; the rate counts them"
+        )
+        return f"row is {rest}", f"rows are {rest}"
 
     def _velocities(self) -> Iterator[str]:
         joints = [joint for joint, recorded in enumerate(self.recorded, start=1) if recorded]

@@ -138,7 +138,8 @@ def _suspicion(
     if many is not None and change > period and (change > least or _left(many, one) <= LEAVES):
         name = {"tau": "torque", "qd": "velocity"}[key]
         check: Check = "shape" if key == "tau" else "velocity"
-        yield Suspicion(check, ("joints", 0, name), _words(name, many), certain=False)
+        place = ("joints", 0, name)
+        yield Suspicion(check, place, _words(name, many), certain=False, first=True)
     elif late:
         yield late_torques(lag)
 

@@ -20,6 +20,7 @@ from hil.results.judgement import (
     HALF,
     LARGE,
     TOLERANCE,
+    WORDS,
     Judgement,
     Reservation,
     When,
@@ -31,6 +32,7 @@ from hil.results.judgement import (
 from hil.results.possible import impossible_inertias, impossible_links
 from hil.results.prediction import free_torques, uncertainty
 from hil.results.residual import unexplained
+from hil.runs.journal import FIRST
 from hil.show.rounding import significant, uncertain, unit
 
 if TYPE_CHECKING:
@@ -61,6 +63,7 @@ def verdict(
     large = tuple(unexplained(left, limit, accuracy, own_friction=own))
     late = tuple(_late(model, large))
     doubts = *reservations(RULES, model), *(late if large else ()), *large
+    doubts = *_first(model, doubts), *doubts
     found = doubts or tuple(_good(model, usual_effect))
     remains = *(() if large else late), *(() if left is None else (good(str(left)),))
     return Judgement.judge((*found, *remains), lambda: found[0])
@@ -154,10 +157,23 @@ def _stated(each: Impossible) -> str:
 
 
 def _doubted(model: Model) -> Iterator[Reservation]:
-    """Yield unresolved warnings of imports."""
+    """Yield unresolved warnings of imports, but for those of `_first`."""
     for warning in model.provenance.warnings:
-        reason, _, remedy = warning.partition("; ")
-        yield doubtful(f"import warned: {reason}", remedy)
+        if FIRST not in warning:
+            yield _warned(warning)
+
+
+def _first(model: Model, others: Sequence[Reservation]) -> Iterator[Reservation]:
+    """Yield wrong times of rows, as bad as the worst objection."""
+    worst = max((each.word for each in others), key=WORDS.index, default="doubtful")
+    for warning in model.provenance.warnings:
+        if FIRST in warning:
+            yield _warned(warning).model_copy(update={"word": worst})
+
+
+def _warned(warning: str) -> Reservation:
+    reason, _, remedy = warning.partition("; ")
+    return doubtful(f"import warned: {reason}", remedy)
 
 
 def _judge_edges(model: Model) -> Iterator[Reservation]:

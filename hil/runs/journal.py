@@ -35,6 +35,8 @@ if TYPE_CHECKING:
 
 NO_REAL_MACHINE = "SIMULATED: measured on the virtual plant, no real machine"
 PACKAGES = (DISTRIBUTION, "canopen", "python-can", "numpy", "h5py")
+FIRST = "correct the map first, as other findings may follow from this"
+"""Words of a warning that comes before all findings of an identification."""
 EXACT = 1e-6
 """Maximum jitter caused by rounding [s]."""
 

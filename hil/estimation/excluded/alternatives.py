@@ -5,10 +5,12 @@ Each alternative is another reading of the recordings. Joint i is read from chan
     q = sign_q scale q_read + zero,    tau_read = sign_tau gain (A p + H qdd) + friction,
 
 so that a gear ratio N that is stated as N' has scale, gain and gear N' / N, and the rotor inertia H
-is the stated one over gear^2. All base parameters are fitted anew for each reading. Readings are
-compared by the likelihood of white noise of unknown variance on each axis, sum n_a log s_a^2; they
-have as many unknowns as the stated reading, or one more. Two results are impossible beyond noise,
-regardless of the residual: friction that drives its axis, and motion of negative kinetic energy.
+is the stated one over gear^2. A rate r times that stated makes accelerations r^2 times as large:
+the same as inertias times r^2 (gear 1 / r) and gravity over r^2. All base parameters are fitted
+anew for each reading. Readings are compared by the likelihood of white noise of unknown variance on
+each axis, sum n_a log s_a^2; they have as many unknowns as the stated reading, or one more. Two
+results are impossible beyond noise, regardless of the residual: friction that drives its axis, and
+motion of negative kinetic energy.
 """
 
 from __future__ import annotations
@@ -52,9 +54,14 @@ STARTS = {
     "torque constant": (-50.0, -29.3, 30.0, 41.4, 100.0),
     "slip": (-20.0, -5.0, 5.0, 20.0),
     "gravity": (-90.0, -30.0, 30.0, 90.0, 180.0),
+    "sampling rate": (
+        *(-84.0, -75.0, -60.0, -50.0, -37.5, -20.0),
+        *(25.0, 60.0, 100.0, 150.0, 300.0, 525.0),
+    ),
 }
 """Start values of the searches. Torques are sinusoids of angles; degrees in place of radians are
-too large by a factor of 57, peak values in place of rms values by 41 %.
+too large by a factor of 57, peak values in place of rms values by 41 %. Rates are preferred numbers
+in steps of 1.25.
 """
 
 
@@ -346,6 +353,13 @@ def sized(
     stated = Reading.stated(robot)
     unit = np.pi / 180 if axis < 0 or robot.revolute[axis] else 1e-3
 
+    if cause == "sampling rate":
+        return lambda size: replace(
+            stated,
+            gear=stated.gear / (1.0 + size / 100.0),
+            gravity=stated.gravity / (1.0 + size / 100.0) ** 2,
+        )
+
     def read(size: float) -> Reading:
         share = 1.0 + size / 100.0
         if cause == "joint offset":
@@ -388,7 +402,9 @@ def alternatives(
         Alternative(cause, axes, np.nan, np.nan, stated.instead(reading))
         for cause, axes, reading in discrete(robot, stated.evidence)
     ]
-    turned = (("gravity", -1),) if np.any(robot.gravity) else ()
+    turned: tuple[tuple[str, int], ...] = (("gravity", -1),) if np.any(robot.gravity) else ()
+    # only owners of imported recordings state rates
+    turned = (*turned, ("sampling rate", -1)) if turned and stated.evidence.imported else turned
     of_size = (key for key in sizes if key[0] in STARTS and key[1] >= 0)
     for cause, axis in (("slip", slipped), *turned, *of_size):
         instant = _instant(stated, axis) if cause == "slip" else 0.0
@@ -503,5 +519,6 @@ def _searched(
         ).x
     )
     here, step = stated.instead(read(size)), 0.01 * reach
-    bend = (misfit(size + step) + misfit(size - step) - 2.0 * here.misfit) / step**2
-    return (size, bend, here) if bend > 0 else None
+    beside = misfit(size - step), misfit(size + step)
+    bend = (sum(beside) - 2.0 * here.misfit) / step**2
+    return (size, bend, here) if min(beside) > here.misfit else None

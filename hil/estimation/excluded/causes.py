@@ -119,6 +119,10 @@ CAUSES = {
         "recordings exchanged", "", "", 0.0,
         "exchange their nodes in the drives file, or their columns in the map", whole=True,
     ),
+    "all axes exchanged": Cause(
+        "columns in the alphabetical order of the joints' names", "", "", 0.0,
+        "name the columns of each joint in the map", whole=True,
+    ),
     "two positions exchanged": Cause(
         "positions exchanged", "", "", 0.0,
         "exchange the columns of their positions in the map", whole=True,
@@ -131,6 +135,10 @@ CAUSES = {
         "gravity is absent from the torques", "", "", 0.0,
         "record torques without gravity compensation (of the motors, not of the controller), or "
         "state gravity: [0, 0, 0] in the robot file if no joint carries weight", whole=True,
+    ),
+    "sampling rate": Cause(
+        "sampling rate greater than stated by", "%", "%", 0.0,
+        "correct the rate or the unit of time in the map", whole=True, least=-100.0,
     ),
     "torque at its limit": Cause(
         "torque saturated in many samples", "%", "%", 0.0,

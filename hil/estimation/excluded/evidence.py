@@ -14,7 +14,7 @@ between recordings.
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -87,6 +87,8 @@ class Evidence:
         Index into `signals`, and index of the sample.
     later : ndarray of bool, shape (n,), optional
         Rows of recordings tested for causes, if the other rows are free of causes.
+    imported : bool
+        True for recordings with a rate stated by the owner.
     """
 
     axis: Indices
@@ -105,6 +107,7 @@ class Evidence:
     source: Indices
     sample: Indices
     later: Mask | None = None
+    imported: bool = False
 
     def project_out_friction(self, x: Array) -> Array:
         """Project friction out of the rows of `x`, shape (n, ...), part by part."""
@@ -347,14 +350,15 @@ def gathered(parts: Sequence[Evidence]) -> Evidence:
     for each in parts:
         first.append(ends)
         ends += len(each.axis)
-    stacked = {name: np.concatenate([getattr(each, name) for each in parts]) for name in COLUMNS}
+    stacked: dict[str, Any] = {
+        name: np.concatenate([getattr(each, name) for each in parts]) for name in COLUMNS
+    }
     stacked["group"] = np.unique(stacked["group"], return_inverse=True)[1]
     stacked["time"] -= stacked["time"].min()
-    return Evidence(
+    return replace(
+        parts[0],
         **stacked,
         motion=np.concatenate([each.motion for each in parts], axis=2),
-        finest=parts[0].finest,
-        signals=parts[0].signals,
         parts=tuple(
             (slice(a + rows.start, a + rows.stop), Q)
             for a, each in zip(first, parts, strict=True)

@@ -69,7 +69,7 @@ def proved(
     else:
         solver, prepared = joint.solver, joint.prepared
     imported = any(isinstance(motion, FreeMotion) for motion, _ in prepared)
-    evidence = measured(robot, solver, prepared)
+    evidence = replace(measured(robot, solver, prepared), imported=imported)
     leaves = LEAVES if imported else 1.0
     found = excluded(robot, solver.solve() if p is None else p, evidence, leaves)
     limit = saturated(recorded, robot.n_joints) if found.found else None

@@ -4,13 +4,17 @@ A .npy is mapped into memory, a .npz unpacked array by array; HDF5 is read from 
 a dataset by its path.
 
 The longer side of an array of two dimensions is time; its columns are ``name/1``, ``name/2`` and so
-on, ``1``, ``2`` in a .npy. Dimensions of one element do not count, such as the second of the 6 x 1
-x 4000 that Simulink saves of a vector. Fields of a structured array are columns by their names.
+on, ``1``, ``2`` in a .npy. In three dimensions the longest one is time, and columns are
+``name/1/1``, ``name/1/2``, as by simulators with a row of position and velocity for each joint.
+Dimensions of one element do not count, such as the second of the 6 x 1 x 4000 that Simulink saves
+of a vector. Fields of a structured array are columns by their names.
 """
 
 from __future__ import annotations
 
+import math
 import zipfile
+from itertools import product
 from typing import TYPE_CHECKING, Any
 
 import h5py
@@ -33,6 +37,9 @@ if TYPE_CHECKING:
 
 DATASET = 24_000
 """Memory of an open HDF5 dataset with its description [bytes]; by RSS 21 800, for 5000 datasets."""
+JOINTS = 300
+"""Maximum number of columns of an array of three dimensions: position, velocity and torque of 100
+joints; images have more."""
 COLUMN = 600
 """Memory of an offered column [bytes]; by RSS 517 for 10^6 columns of a dataset of HDF5."""
 
@@ -113,6 +120,14 @@ def _columns(
         return
     if array.ndim > 2 and sorted(array.shape)[-3] == 1:
         array = _Squeezed(array)
+    rows = max(array.shape, default=0)
+    deep = array.ndim == 3 and array.shape.count(rows) == 1
+    if deep and array.dtype.kind in "fiub" and 0 < math.prod(array.shape) <= JOINTS * rows:
+        time = array.shape.index(rows)
+        for place in product(*(range(n) for n in array.shape[:time] + array.shape[time + 1 :])):
+            words = "/".join(str(index + 1) for index in place)
+            yield f"{name}/{words}".lstrip("/"), (rows, _deep_slicer(array, time, place))
+        return
     if array.dtype.kind not in "fiub" or not 1 <= array.ndim <= 2 or not all(array.shape):
         left_out[name or "1"] = _no_columns(array)
         return
@@ -130,6 +145,10 @@ def _slicer(array: Any, index: int | None) -> Callable[[slice], object]:
     if array.shape[0] >= array.shape[1]:
         return lambda part: array[part, index]
     return lambda part: array[index, part]
+
+
+def _deep_slicer(array: Any, time: int, place: tuple[int, ...]) -> Callable[[slice], object]:
+    return lambda part: array[(*place[:time], part, *place[time:])]
 
 
 class _Squeezed:

@@ -354,8 +354,9 @@ def _count(text: bytes, mark: bytes) -> int:
 def _refuse_binary(path: Path, block: bytes) -> None:
     if b"\0" in block:
         raise FileError(
-            f"{path}: holds NUL bytes: not UTF-8 text; save the file as UTF-8, or name it with "
-            "the extension of its format"
+            f"{path}: holds NUL bytes: not UTF-8 text; save a text as UTF-8, export a binary log "
+            "as CSV with the program that wrote it, or name the file with the extension of its "
+            "format"
         )
 
 

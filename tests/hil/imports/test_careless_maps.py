@@ -198,6 +198,27 @@ def test_radians_taken_for_degrees_in_all_joints_are_remarked(tmp_path):
     )
 
 
+@pytest.mark.parametrize(("limits", "doubted"), [((9000, 9000), False), ((9000, 4000), True)])
+def test_one_torque_limit_of_all_joints_is_no_measure_of_units(tmp_path, limits, doubted):
+    write_csv(tmp_path / "data.csv", COLUMNS)
+    the_map = write_map(tmp_path, a_map())
+    text = (tmp_path / "pair.yaml").read_text()
+    for stated, limit in zip((90, 40), limits, strict=True):
+        text = text.replace(f"torque_limit: {stated},", f"torque_limit: {limit},")
+    (tmp_path / "pair.yaml").write_text(text)
+    lines = []
+    import_recordings([the_map], tmp_path / "run", lambda s: lines.extend(s.lines()))
+    assert any("of its limit, the largest share" in line for line in lines) == doubted
+
+
+def test_a_key_of_the_map_within_a_joint_is_sent_to_its_place(tmp_path):
+    write_csv(tmp_path / "data.csv", COLUMNS)
+    content = a_map()
+    content["joints"][1]["position_side"] = "motor"
+    message = refusal(tmp_path, content)
+    assert "position_side: unknown key here; write it at the top level of the file" in message
+
+
 def test_names_cannot_command_the_terminal():
     name = "q\x1b[31m1\x1b]0;title\x07\x9b2J"
     assert printable(name) == r"q\x1b[31m1\x1b]0;title\x07\x9b2J"

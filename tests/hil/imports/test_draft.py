@@ -192,6 +192,41 @@ def test_a_draft_that_is_filled_in_is_a_map(tmp_path):
     np.testing.assert_array_equal(run["map-01"].recording.tau[:, 1], table()["m2"])
 
 
+def test_measured_torques_are_taken_before_computed_ones(tmp_path):
+    columns, parts = table(), ("computed", "measured")
+    named = {f"state/joint_q/{k}": columns[f"q{k}"] for k in (1, 2)}
+    named |= {f"state/joint_torques_{p}/{k}" if p == "computed" else f"motor_torques_{p}/{k}":
+              columns[f"m{k}"] for p in parts for k in (1, 2)}  # fmt: skip
+    write_csv(tmp_path / "a.csv", {"t": columns["t"], **named})
+    joints = drafted(tmp_path / "a.csv")["joints"]
+    assert [j["torque"]["column"] for j in joints] == [
+        f"motor_torques_measured/{k}" for k in (1, 2)
+    ]
+    assert "state/joint_torques_computed/2: torque by the name" in draft_map(tmp_path / "a.csv", "")
+
+
+def test_a_rising_column_with_a_unit_of_time_is_time(tmp_path):
+    columns = table()
+    renamed = {"nr": np.arange(len(columns["t"])), "Messpunkt [us]": 1e6 * columns["t"]}
+    write_csv(tmp_path / "a.csv", {**renamed, "q1": columns["q1"], "m1": columns["m1"]})
+    assert drafted(tmp_path / "a.csv")["time"] == {"column": "Messpunkt [us]", "unit": "us"}
+
+
+def test_states_in_three_dimensions_are_positions_and_velocities_of_joints(tmp_path):
+    columns = table()
+    state = np.stack([[columns[f"q{k}"], columns[f"v{k}"]] for k in (1, 2)], axis=0)
+    forces = np.stack([columns["m1"], columns["m2"]], axis=1)
+    np.savez(
+        tmp_path / "a.npz", t=columns["t"], dof_state=state.transpose(2, 0, 1), dof_force=forces
+    )
+    joints = drafted(tmp_path / "a.npz")["joints"]
+    columns_of = [{key: part["column"] for key, part in joint.items()} for joint in joints]
+    assert columns_of == [
+        {"position": f"dof_state/{k}/1", "velocity": f"dof_state/{k}/2", "torque": f"dof_force/{k}"}
+        for k in (1, 2)
+    ]
+
+
 def test_a_file_without_names_or_stamps(tmp_path):
     columns = [table()[name] for name in ("q1", "m1")]
     np.savetxt(tmp_path / "a.csv", np.stack(columns, axis=1), delimiter=",")

@@ -282,6 +282,15 @@ def test_what_import_doubts_is_kept_and_lowers_the_first_word(tmp_path):
     assert "accept: [still]" in outcome.remedy
 
 
+def test_the_gravest_doubt_comes_first(tmp_path):
+    columns = resting_elbow()
+    columns["q1"] += 1.5  # beyond the range of the robot file
+    run, _ = made(tmp_path, columns)
+    beyond, resting = run.journal.warnings
+    assert "joints.0.position: reaches" in beyond
+    assert "joints.1.position: moves by" in resting
+
+
 def test_a_doubt_that_the_map_accepts_is_resolved(tmp_path):
     run, stated = made(tmp_path, resting_elbow(), accept=["still"])
     assert run.journal.warnings == ()

@@ -39,6 +39,8 @@ AT_REST = {
     "a velocity below its increment": {"q2": TREMBLE, "v2": 0 * T},
     "a velocity with a dead band": {
         "q2": TREMBLE, "v2": 5e-4 * np.round(np.gradient(TREMBLE, T) / 5e-4)},
+    "a motor that holds against its elastic gear": {
+        "q2": TREMBLE, "v2": TREMBLE, "v1": QD[:, 0] + 0.01 * RNG.standard_normal(len(T))},
     "noise as velocity": {"q2": 0 * T, "v2": 0.02 * RNG.standard_normal(len(T))},
     "one count of the encoder in one sample": {"q2": flicker(COUNT, [500]), "v2": 0 * T},
     "an encoder between two counts": {

@@ -6,6 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import yaml
 from synthetic import TABLE_3_A
 
 from hil.imports.evidence import Excerpt
@@ -100,6 +101,35 @@ def test_a_sign_on_an_arm_whose_last_axis_seems_to_have_a_negative_inertia(
     changes = {name: wrong * getattr(inexact, name) for name in which}
     ((place, _),) = said(inexact, manutec, **changes)
     assert place[:2] == ("joints", axis)
+
+
+def test_columns_in_the_alphabetical_order_of_the_joints(seen, manutec):
+    content = yaml.safe_load(manutec.text)
+    names = ["s0", "s1", "e0", "e1", "w0", "w1"]
+    for joint, name in zip(content["joints"], names, strict=True):
+        joint["name"] = name
+    robot = parse_robot(yaml.safe_dump(content, sort_keys=False), "")
+    alphabetical = [names.index(name) for name in sorted(names)]
+    assert said(seen, robot) == []
+    ((place, message),) = said(
+        seen, robot, q=seen.q[:, alphabetical], tau=seen.tau[:, alphabetical]
+    )
+    assert place == ("joints", 0)
+    assert message == (
+        "axes 1 and 2 and 3 and 4: columns in the alphabetical order of the joints' names"
+    )
+
+
+def test_gravity_is_not_turned_for_one_axis_at_the_expense_of_others(seen, manutec):
+    order = [2, 3, 0, 1, 5, 4]
+    found = said(seen, manutec, q=seen.q[:, order], tau=seen.tau[:, order])
+    assert not any("gravity" in message for _, message in found)
+
+
+@pytest.mark.parametrize("factor", [0.5, 0.8, 1.25, 2.0])
+def test_a_rate_that_is_wrong_by_a_factor_common_to_all_axes(seen, manutec, factor):
+    found = said(seen, manutec, period=PERIOD * factor)
+    assert found == [(("time",), f"sampling rate some {factor:g} times that stated")]
 
 
 @pytest.mark.parametrize("lag", [-0.9, -0.3, -0.02, 0.02, 0.15, 0.6])

@@ -21,6 +21,7 @@ from hil.results.model import Model
 from hil.results.model_file import NAME
 from hil.results.validation import judged, scored
 from hil.results.verdict import verdict
+from hil.runs.journal import FIRST
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -197,6 +198,21 @@ def test_too_few_measurements_are_a_doubt_in_identification_and_validation(model
     )
     assert judged((), 6, [found]).word == "failed"  # also without scores
     assert scored(few, ()).word == "failed"
+
+
+def test_wrong_times_that_import_named_come_before_what_the_misfit_suggests(model: Model) -> None:
+    warned = (
+        "map.yaml:3: joints.1.position: moves by only 1 mm; correct the map, or write accept",
+        f"map.yaml:2: time: the map states 400 Hz, 500 Hz fit; {FIRST}, or write accept",
+    )
+    provenance = model.provenance.model_copy(update={"warnings": warned})
+    sign = Found(cause="wrong sign of a torque", axes=(3,), detail="sign", left=0.1)
+    for cause, word in ((proof(sign), "failed"), (None, "doubtful")):
+        found = verdict(replace(model, provenance=provenance, excluded=cause))
+        assert found.word == word
+        assert found.reason == "import warned: map.yaml:2: time: the map states 400 Hz, 500 Hz fit"
+        assert found.remedy == f"{FIRST}, or write accept"
+        assert sum("500 Hz" in each.reason for each in found.reasons) == 1
 
 
 def test_a_bad_condition_is_a_doubt(model: Model) -> None:
