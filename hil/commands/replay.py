@@ -48,7 +48,8 @@ def replay(run: Run, found: Replay, limits: Mapping[bool, float]) -> Outcome:
 def positions(found: Replay) -> Iterator[Panel]:
     """Draw recorded and simulated positions of each axis in the recording of the largest error."""
     for axis in range(found.robot.n_joints):
-        shown = max(found.recordings, key=lambda each: np.nanmax(np.abs(each.error[:, axis])))
+        largest = [np.abs(each.scored[:, axis]).max(initial=0.0) for each in found.recordings]
+        shown = found.recordings[int(np.argmax(largest))]
         every = slice(None, None, max(1, len(shown.time) // 700))
         time = shown.time[every]
         unit, factor = found.unit(axis)

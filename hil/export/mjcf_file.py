@@ -25,7 +25,7 @@ from xml.etree import ElementTree as ET
 import numpy as np
 
 from hil.export.exported import Exported
-from hil.export.simple_friction import friction_remarks
+from hil.export.simple_friction import damping_remarks, friction_remarks
 from hil.export.simulated_robot import comment, number, numbers, simulated_robot
 
 if TYPE_CHECKING:
@@ -51,6 +51,7 @@ def write_mjcf(model: Model, origin: tuple[str, ...], given: Given | None = None
     robot = simulated_robot(model, None if given is None else given.chain)
     remarks = (
         *friction_remarks(model, offsets="the bias of its actuator"),
+        *damping_remarks(model),
         *_left_out(model, robot),
     )
     root = ET.Element("mujoco", model=robot.name)
@@ -89,8 +90,8 @@ def _body(parent: ET.Element, joint: SimulatedJoint, *, coupled: bool) -> ET.Ele
         "armature": number(0.0 if coupled else joint.armature),
     }
     if joint.friction is not None:
-        stated["damping"] = number(joint.friction.viscous)
-        stated["frictionloss"] = number(joint.friction.coulomb)
+        stated["damping"] = numbers(joint.friction.damping)
+        stated["frictionloss"] = number(joint.friction.coasting.coulomb)
         # stiffness and damping given directly: a time constant would be at least two steps
         stated["solreffriction"] = numbers((0.0, -IMPEDANCE / STEP))
         stated["solimpfriction"] = numbers((IMPEDANCE, IMPEDANCE, 0.001, 0.5, 2.0))

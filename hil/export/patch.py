@@ -29,7 +29,7 @@ from hil.errors import Mismatch, NotRealisable
 from hil.estimation.consistent.nearest import nearest_robot
 from hil.export.exported import Exported
 from hil.export.mjcf_file import FULL, IMPEDANCE, STEP, quaternion
-from hil.export.simple_friction import friction_remarks
+from hil.export.simple_friction import damping_remarks, friction_remarks
 from hil.export.simulated_robot import (
     moved_to_frames,
     number,
@@ -429,23 +429,21 @@ class _Mjcf:
 
     def _joint(self, placed: Placed, dof: int, joint: SimulatedJoint) -> Iterator[str]:
         model, friction = self._model, joint.friction
-        stated: dict[str, tuple[float, float | None]] = {
-            "armature": (model.dof_armature[dof], joint.armature),
-            "damping": (
-                np.ravel(model.dof_damping[dof])[0],
-                None if friction is None else friction.viscous,
-            ),
-            "frictionloss": (
-                model.dof_frictionloss[dof],
-                None if friction is None else friction.coulomb,
-            ),
+        stated: dict[str, tuple[Sequence[float], Sequence[float]]] = {
+            "armature": ([model.dof_armature[dof]], [joint.armature]),
         }
+        if friction is None:
+            yield from ("damping", "frictionloss")
+        else:
+            polynomial = model.dof_damping[dof], *model.dof_dampingpoly[dof]
+            stated["damping"] = polynomial, friction.damping
+            stated["frictionloss"] = [model.dof_frictionloss[dof]], [friction.coasting.coulomb]
         values = {}
         for key, (old, new) in stated.items():
-            if new is None or _kept_or_new(np.array([new]), np.array([float(old)])):
+            if _kept_or_new(np.pad(new, (0, len(old) - len(new))), np.array(old)):
                 yield key
             else:
-                values[key] = number(new)
+                values[key] = numbers(new)
         self._xml[placed.file.path].set(placed.element, values)
 
     def remarks(self, model: Model, robot: SimulatedRobot) -> Iterator[str]:
@@ -462,6 +460,7 @@ class _Mjcf:
         if robot.coupled:
             yield "coupled motors: the inertia that joints share is left out"
         yield from friction_remarks(model)
+        yield from damping_remarks(model)
 
     def files(self) -> dict[str, str]:
         folder = self.path.parent.resolve()

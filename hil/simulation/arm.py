@@ -80,6 +80,10 @@ AT_BOUND = 1e-9
 """Distance of an element from its greatest friction, as a share, at which it starts to slide."""
 
 
+class Indefinite(NotEnoughData):
+    """Model whose mass matrix is not positive definite along the motion."""
+
+
 @dataclass(frozen=True, slots=True, eq=False)
 class Drive:
     """Drive of an arm: torques, and a PD controller of positions.
@@ -168,12 +172,13 @@ class _Laws:
     def __init__(self, model: Model, friction: Friction) -> None:
         n, laws = model.robot.n_joints, model.friction_law
         simple = friction_of_joints(model) if friction == "exported" else (None,) * n
-        self.names = LAWS["all"] if friction == "law" else LAWS["Coulomb and viscous"]
+        self.names = LAWS["Coulomb and viscous" if friction == "plain" else "all"]
         values, self.speed, self._slope = np.zeros((n, len(self.names))), np.ones(n), np.zeros(n)
         self._slowest, self._fastest = np.zeros(n), np.full(n, np.inf)
         for axis, (law, own) in enumerate(zip(laws.axes, simple, strict=True)):
             if own is not None:
-                stated = {"offset": own.offset, "Coulomb": own.coulomb, "viscous": own.viscous}
+                names = ("Coulomb", "viscous", "quadratic", "offset")
+                stated = dict(zip(names, own.coasting[:4], strict=True))
             elif law is None or friction == "exported":
                 continue
             else:
@@ -184,30 +189,39 @@ class _Laws:
                     self._slowest[axis], self._fastest[axis] = law.speeds
                     self._slope[axis] = law.slope
             values[axis] = [stated.get(name, 0.0) for name in self.names]
-        used: Mask = np.any(values, axis=0)
+        loads = values[:, self.names.index("load")] if "load" in self.names else np.zeros(n)
+        self.load, self.loaded = np.array(loads), bool(loads.any())
+        used: Mask = np.any(values, axis=0) & (np.array(self.names) != "load")
         used[0] = True  # at least one column, that of the offset
         self.names = tuple(name for name, there in zip(self.names, used, strict=True) if there)
         directed = np.isin(self.names, DIRECTED)
         self._level, self._other = values[:, used] * directed, values[:, used] * ~directed
-        self.loaded = "load" in self.names
         self._gear = np.nan_to_num(model.robot.gear_ratio)
 
-    def evaluate(self, q: Array, qd: Array, side: Array, load: Array) -> tuple[Array, Array]:
-        """Return torque without directed terms, and level for directions `side`, (lanes, n)."""
+    def evaluate(self, q: Array, qd: Array, side: Array) -> tuple[Array, Array]:
+        """Return torque without directed terms, and level without load, (lanes, n).
+
+        The level is that in directions `side`; it may be negative (`level`).
+        """
         speed = np.abs(qd)
         known = np.minimum(np.maximum(speed, self._slowest), self._fastest)
         u, direction = side * known / self.speed, Direction(side.ravel(), np.zeros(side.size))
         angle = (self._gear * q).ravel()
-        columns = friction_columns(u.ravel(), direction, load.ravel(), angle, terms=self.names)
+        columns = friction_columns(u.ravel(), direction, angle=angle, terms=self.names)
         columns = columns.reshape(*q.shape, -1)
         level = side * (columns * self._level).sum(axis=-1) + self._slope * (speed - known)
-        return (columns * self._other).sum(axis=-1), np.maximum(level, 0.0)
+        return (columns * self._other).sum(axis=-1), level
+
+    def level(self, free: Array, load: Array) -> Array:
+        """Return the level of friction under a load, given that without load, (lanes, n)."""
+        return np.asarray(np.maximum(free + self.load * np.abs(load), 0.0))
 
     def steepest(self) -> Array:
         """Return each axis's greatest slope of friction over speed, (n,) [N m s/rad, N s/m]."""
         speeds = np.linspace(SLOWEST, 1.0, SOME)[:, None] * self.speed
         none = np.zeros_like(speeds)
-        torques = np.add(*self.evaluate(none, speeds, none + 1.0, none))
+        other, level = self.evaluate(none, speeds, none + 1.0)
+        torques = other + np.maximum(level, 0.0)
         slopes = np.diff(torques, axis=0) / np.diff(speeds, axis=0)
         return np.asarray(np.abs(slopes).max(axis=0))
 
@@ -219,14 +233,14 @@ class Arm:
     ----------
     model : Model
     friction : {"law", "plain", "exported"}
-        Friction law; its Coulomb, viscous and offset terms alone (`AxisLaw.plain`); or Coulomb and
-        viscous friction as exported to simulators (`hil.export.simple_friction`), with the offset.
+        Friction law; its Coulomb, viscous and offset terms alone (`AxisLaw.plain`); or friction as
+        exported to MuJoCo (`hil.export.simple_friction`), with the offset.
     step : float, optional
         Longest step [s]; `STEP` by default.
 
     Raises
     ------
-    NotEnoughData
+    Indefinite
         The mass matrix is not positive definite.
     """
 
@@ -260,54 +274,49 @@ class Arm:
     def levels(self, q: Array) -> Array:
         """Return the level of friction at the beginning of a motion without load, (lanes, n)."""
         none = np.zeros_like(q)
-        return self._laws.evaluate(q, none, none + 1.0, none)[1]
+        return self._laws.level(self._laws.evaluate(q, none, none + 1.0)[1], none)
 
     def slopes(self, q: Array, qd: Array) -> Array:
         """Return the derivatives of friction by velocities, (lanes, n, n) [N m s/rad, N s/m]."""
         speeds = self._laws.speed * SLOWEST * np.array([[[1.0]], [[-1.0]]]) + qd
-        side, none = np.where(qd < 0, -1.0, 1.0), np.zeros_like(q)
+        side = np.where(qd < 0, -1.0, 1.0)
         ends = [
-            other + side * level
-            for other, level in (self._laws.evaluate(q, each, side, none) for each in speeds)
+            other + side * np.maximum(level, 0.0)
+            for other, level in (self._laws.evaluate(q, each, side) for each in speeds)
         ]
         slope = (ends[0] - ends[1]) / (speeds[0] - speeds[1])
         return np.asarray(slope[..., None] * np.eye(q.shape[1]) + self._viscous)
-
-    def _forces(self, state: State, tau: Array, load: Array) -> tuple[Array, Array, Array, Array]:
-        """Return mass matrices, accelerating torques, friction bounds, and biases.
-
-        The accelerating torques include friction of sliding axes (`mode` 1 or -1), but not that of
-        sticking ones (`mode` 0).
-        """
-        q, qd, mode = state
-        mass, bias = self.mass_and_bias(q, qd)
-        side = np.where(mode[:, : q.shape[1]] < 0, -1.0, 1.0)
-        other, level = self._laws.evaluate(q, qd, side, load)
-        most = np.hstack([level, np.broadcast_to(self._coulomb, (len(q), len(self._coulomb)))])
-        left = tau - bias - other - qd @ self._viscous - (mode * most) @ self.elements
-        return mass, left, most, bias
 
     def acceleration(self, state: State, tau: Array) -> tuple[Array, Array, Array]:
         """Return accelerations in the present modes (lanes, n), friction at rest and its bounds."""
         return self._acceleration(state, tau)[:3]
 
-    def _acceleration(self, state: State, tau: Array) -> tuple[Array, Array, Array, Array]:
-        """Return `acceleration` and the load of its friction.
+    def _acceleration(self, state: State, tau: Array) -> tuple[Array, Array, Array, Array, Array]:
+        """Return `acceleration`, mass matrices, and accelerating torques.
 
-        Friction of the load depends on accelerations, so a fixed-point iteration is used; it
-        converges at the rate of the load's share in friction.
+        The accelerating torques include friction of sliding axes (`mode` 1 or -1), but not that of
+        sticking ones (`mode` 0). Friction of the load depends on accelerations, so a fixed-point
+        iteration is used; it converges at the rate of the load's share in friction.
         """
-        load = qdd = np.zeros_like(state.q)
+        q, qd, mode = state
+        mass, bias = self.mass_and_bias(q, qd)
+        side = np.where(mode[:, : q.shape[1]] < 0, -1.0, 1.0)
+        other, free = self._laws.evaluate(q, qd, side)
+        torque, links = tau - bias - other - qd @ self._viscous, mass - self._rotors
+        shared = np.broadcast_to(self._coulomb, (len(q), len(self._coulomb)))
+        solve = _Solver(mass, self.elements, mode == 0)
+        load, qdd = bias, np.zeros_like(q)
         for _ in range(ROUNDS):
-            mass, left, most, bias = self._forces(state, tau, load)
-            found, friction = _accelerations(mass, left, self.elements, state.mode == 0)
+            most = np.hstack([self._laws.level(free, load), shared])
+            left = torque - (mode * most) @ self.elements
+            found = solve(left)
             if (
                 not self._laws.loaded
                 or (np.abs(found - qdd) <= SETTLED * (1.0 + np.abs(found))).all()
             ):
-                return found, friction, most, load
+                return found, solve.friction(left, found), most, mass, left
             qdd = found
-            load = bias + np.einsum("lij,lj->li", mass - self._rotors, found)
+            load = bias + (links @ found[..., None])[..., 0]
         raise NotEnoughData(
             f"the model of {self._robot.name}: load-dependent friction is as large as the load; "
             "use --friction plain"
@@ -315,8 +324,7 @@ class Arm:
 
     def resolved(self, state: State, tau: Array) -> State:
         """Return the states with new modes of the elements at rest, by Gauss's principle."""
-        load = self._acceleration(state, tau)[3]
-        mass, left, most, _ = self._forces(state, tau, load)
+        _, _, most, mass, left = self._acceleration(state, tau)
         changed = state.mode.copy()
         factor = _factor(mass, self._robot.name)
         for lane, held in enumerate(state.mode == 0):
@@ -447,20 +455,40 @@ def steps_in(period: float, rate: float, step: float) -> int:
     return int(np.clip(np.ceil(period / longest - 1e-6), 1, MOST_STEPS))
 
 
-def _accelerations(mass: Array, left: Array, elements: Array, held: Mask) -> tuple[Array, Array]:
-    """Return accelerations with elements kept at rest, and the required friction, by lanes."""
-    n, friction = left.shape[1], np.zeros(held.shape)
-    axes = held[:, :n]
-    fixed = np.where(axes[:, :, None] | axes[:, None], np.eye(n), mass)
-    found = np.linalg.solve(fixed, np.where(axes, 0.0, left)[..., None])[..., 0]
-    friction[:, :n] = np.where(axes, left - np.einsum("lij,lj->li", mass, found), 0.0)
-    for lane in np.flatnonzero(held[:, n:].any(axis=1)):
-        rows = elements[held[lane]]
-        solved = np.linalg.solve(mass[lane], np.column_stack([left[lane], rows.T]))
-        own = np.linalg.lstsq(rows @ solved[:, 1:], rows @ solved[:, 0], rcond=None)[0]
-        friction[lane, held[lane]] = own
-        found[lane] = solved[:, 0] - solved[:, 1:] @ own
-    return found, friction
+class _Solver:
+    """Accelerations of lanes as a function of torques, with elements kept at rest."""
+
+    def __init__(self, mass: Array, elements: Array, held: Mask) -> None:
+        self._mass, self._held, n = mass, held, mass.shape[1]
+        self._axes = held[:, :n]
+        fixed = np.where(self._axes[:, :, None] | self._axes[:, None], np.eye(n), mass)
+        self._inverse = np.linalg.inv(fixed)
+        coupled = np.flatnonzero(held[:, n:].any(axis=1)).tolist()
+        self._coupled = {lane: elements[held[lane]] for lane in coupled}
+
+    def __call__(self, left: Array) -> Array:
+        """Return the accelerations (lanes, n) under torques `left`."""
+        found = (self._inverse @ np.where(self._axes, 0.0, left)[..., None])[..., 0]
+        for lane, rows in self._coupled.items():
+            free, across, own = self._held_by(lane, rows, left)
+            found[lane] = free - across @ own
+        return np.asarray(found)
+
+    def friction(self, left: Array, found: Array) -> Array:
+        """Return the friction of the elements at rest, (lanes, n_elements)."""
+        friction, n = np.zeros(self._held.shape), left.shape[1]
+        rest = left - (self._mass @ found[..., None])[..., 0]
+        friction[:, :n] = np.where(self._axes, rest, 0.0)
+        for lane, rows in self._coupled.items():
+            friction[lane, self._held[lane]] = self._held_by(lane, rows, left)[2]
+        return friction
+
+    def _held_by(self, lane: int, rows: Array, left: Array) -> tuple[Array, Array, Array]:
+        """Return accelerations without friction, those by unit friction, and the friction."""
+        solved = np.linalg.solve(self._mass[lane], np.column_stack([left[lane], rows.T]))
+        free, across = solved[:, 0], solved[:, 1:]
+        own = np.asarray(np.linalg.lstsq(rows @ across, rows @ free, rcond=None)[0], dtype=float)
+        return free, across, own
 
 
 def _least_constraint(across: Array, left: Array, bound: Array) -> Array:
@@ -484,7 +512,7 @@ def _factor(mass: Array, name: str) -> Array:
     try:
         return np.asarray(np.linalg.cholesky(mass))
     except np.linalg.LinAlgError as error:
-        raise NotEnoughData(
+        raise Indefinite(
             f"the model of {name}: the mass matrix is not positive definite along the motion and "
             "cannot be simulated; identify the model from more motion, or see hil.Model.verdict"
         ) from error

@@ -44,8 +44,8 @@ from hil.least_squares.uncertainty import TWICE
 from hil.model.dynamics import inverse_dynamics, regressor
 from hil.results.identified_robot import known_friction
 from hil.results.refinement import Refinement
-from hil.simulation.arm import Arm
-from hil.simulation.replay import INITIAL, Lanes
+from hil.simulation.arm import Arm, Indefinite
+from hil.simulation.replay import INITIAL, Lanes, possible
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Sequence
@@ -66,8 +66,8 @@ GRID = 5e-3
 """Step of the sensitivities [s]: a fifth of the period of 40 Hz, above the bandwidth of motions."""
 ROUNDS = 12
 """Maximum number of Gauss-Newton steps."""
-HALVINGS = 5
-"""Maximum number of halvings of a step that does not reduce the error."""
+CUTS = 2
+"""Maximum number of times that a step is cut to a quarter if it does not reduce the error."""
 SETTLED = 0.05
 """Largest step at convergence, in standard errors of the parameters: negligible beside them."""
 LEAST = 1e-6
@@ -344,7 +344,7 @@ def refine(
     Raises
     ------
     NotEnoughData
-        Fewer than four stretches, unknown friction, or a model that cannot be simulated.
+        Fewer than four stretches, unknown friction, or a law that cannot be simulated.
     """
     recorded = tuple(recorded)
     length = restart or _length(model, [each for _, each in recorded])
@@ -356,21 +356,27 @@ def refine(
             " longer, or omit --refine"
         )
     early, late = np.split(np.arange(n), [n - max(1, n // HELD_OUT)])
-    simulations, start, friction = _start(model, lanes)
+    begun = model
+    try:
+        simulations, start, friction = _start(model, lanes)
+    except Indefinite:
+        model = possible(model)
+        simulations, start, friction = _start(model, lanes)
+        friction += ", beginning with the nearest possible bodies"
     scale = np.sqrt(start.errors[early].mean(axis=0))
     weights = 1.0 / np.where(scale > 0, scale, np.inf)
     refined, directions, _ = _minimised(simulations, start, early, weights)
     before, after = (np.sqrt(each.errors[late].mean(axis=0)) for each in (start, refined))
     kept = bool(((weights * after) ** 2).sum() < ((weights * before) ** 2).sum())
     kept = kept and refined.lost <= start.lost
-    found = start.model if simulations.layout.replaced else model
+    found = start.model if simulations.layout.replaced else begun
     if kept:
         best, directions, covariance = _minimised(simulations, refined, np.arange(n), weights)
         found = simulations.layout.model_at(best.p, covariance)
         degrees = np.minimum(found.degrees_of_freedom, n - 1.0)
         found = replace(found, degrees_of_freedom=degrees)
     record = Refinement(
-        start_digest=model.digest,
+        start_digest=begun.digest,
         kept=kept,
         friction=friction,
         start=tuple(before.tolist()),
@@ -433,13 +439,13 @@ def _minimised(
     for _ in range(ROUNDS):
         within = directions.T @ parts.sum(axis=0) @ directions
         step = -directions @ np.linalg.solve(within, directions.T @ draws.sum(axis=0))
-        for _ in range(HALVINGS):
+        for _ in range(1 + CUTS):
             with suppress(NotEnoughData):  # steps too far leave no positive mass matrix
                 tried = simulations.run(best.p + roots @ step)
                 found = gradients(tried)
                 if tried.lost <= best.lost and found[0] < cost:
                     break
-            step = step / 2
+            step = step / 4
         else:
             break
         best, (cost, draws, parts) = tried, found

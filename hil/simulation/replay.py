@@ -26,7 +26,7 @@ from hil.runs.set_points import set_points
 from hil.show.outcome import Verdict
 from hil.show.rounding import significant
 from hil.show.table import figures, table
-from hil.simulation.arm import Arm, Drive, Start
+from hil.simulation.arm import Arm, Drive, Indefinite, Start
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Mapping, Sequence
@@ -96,6 +96,11 @@ class Replayed:
         """Return the simulated less the recorded position, shape (n, n_joints) [rad or m]."""
         return self.simulated - self.recorded
 
+    @property
+    def scored(self) -> Array:
+        """Return the errors without lost samples, shape (n, n_joints) [rad or m]."""
+        return self.error[np.isfinite(self.simulated[:, 0])]
+
 
 @dataclass(frozen=True, eq=False)
 class Replay:
@@ -115,15 +120,19 @@ class Replay:
 
     @property
     def rms(self) -> Array:
-        """Return the rms error over all scored samples, shape (n_joints,) [rad or m]."""
-        error = np.vstack([each.error for each in self.recordings])
-        return np.asarray(np.sqrt(np.nanmean(error**2, axis=0)))
+        """Return the rms error over all scored samples, shape (n_joints,) [rad or m].
+
+        Infinite if all samples were lost.
+        """
+        error = np.vstack([each.scored for each in self.recordings])
+        return np.asarray(np.sqrt(np.mean(error**2, axis=0))) if len(error) else self.largest
 
     @property
     def largest(self) -> Array:
         """Return the largest error, shape (n_joints,) [rad or m]."""
-        errors = np.abs(np.vstack([each.error for each in self.recordings]))
-        return np.asarray(np.nanmax(errors, axis=0))
+        error = np.vstack([each.scored for each in self.recordings])
+        least = 0.0 if len(error) else np.inf
+        return np.asarray(np.abs(error).max(axis=0, initial=least))
 
     @property
     def covered(self) -> Array:
@@ -287,10 +296,23 @@ def replay(
     with named(run):
         recorded = ((each.measurement, each.recording) for each in run)
         lanes = Lanes.create(recorded, model, controller, restart, progress)
-    found = lanes.simulated(arm)
+    bodies = ""
+    try:
+        found = lanes.simulated(arm)
+    except Indefinite:
+        found = lanes.simulated(Arm(possible(model), friction))
+        bodies = ", nearest possible bodies: the model's mass matrix is not positive definite"
     drives = "recorded torques" if controller is None else "positions held by a PD controller"
     often = "" if restart is None else f", restarted every {restart:g} s"
-    return Replay(run.robot, found, f"{drives}; {simulator}, friction: {friction}{often}")
+    return Replay(run.robot, found, f"{drives}; {simulator}, friction: {friction}{bodies}{often}")
+
+
+def possible(model: Model) -> Model:
+    """Return a model with the values of the nearest physically possible bodies."""
+    from hil.results.consistency import find_consistent_robot  # noqa: PLC0415 - slow to load
+
+    bodies = model.consistent or find_consistent_robot(model).consistent
+    return model if bodies is None else replace(model, values=bodies.p)
 
 
 @dataclass(frozen=True, slots=True, eq=False)

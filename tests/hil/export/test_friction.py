@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import pytest
+from scipy import integrate
 from stated_model import stated_model
 
 from hil.errors import FrictionUnknown, NotEnoughData
@@ -77,6 +78,37 @@ def test_a_degressive_law_is_missed_by_what_is_stated() -> None:
         assert each.misfit == pytest.approx(np.sqrt(np.mean(left**2)))
         assert 0.01 < each.misfit < 0.2 * each.size
         assert each.stribeck.misfit <= each.misfit * (1 + 1e-9)
+
+
+def test_damping_is_a_number_where_that_coasts_like_the_law() -> None:
+    first = simple_friction(set_terms(Coulomb=5.0, viscous=3.0, offset=0.7))[0]
+    assert first.damping == (first.viscous,) == pytest.approx((1.5,))
+    assert first.coasting == (first.coulomb, first.viscous, 0.0, first.offset, first.misfit)
+
+
+def test_quadratic_damping_comes_to_rest_where_the_law_does() -> None:
+    for each in simple_friction(set_terms(Coulomb=5.0, viscous=3.0, arc_tangent=-2.0)):
+        c, b, d, _, misfit = each.coasting
+        assert each.damping == (b, d, 0.0)
+        law = (each.forward - each.backward) / 2
+        ways = [
+            integrate.cumulative_trapezoid(each.speeds / friction, each.speeds)[9::10]
+            for friction in (
+                law, c + b * each.speeds + d * each.speeds**2,
+                each.coulomb + each.viscous * each.speeds,
+            )
+        ]  # fmt: skip
+        quadratic, plain = (np.abs(way / ways[0] - 1).max() for way in ways[1:])
+        assert quadratic < 0.02 < plain
+        assert misfit < each.misfit
+
+
+def test_damping_never_drives() -> None:
+    v = np.linspace(0.0, 100.0, 10001)
+    for terms in ({"cube_root": 4.0}, {"arc_tangent": -4.5}, {"quadratic": -1.0}):
+        for each in simple_friction(set_terms(Coulomb=5.0, viscous=1.0, **terms)):
+            c, b, d, *_ = each.coasting
+            assert (c + b * v + d * v**2 >= 0).all()
 
 
 def test_no_simulator_is_given_a_negative_friction() -> None:

@@ -1,5 +1,6 @@
 """URDF and MJCF: simulated behaviour, and statements in the files."""
 
+from dataclasses import replace
 from pathlib import Path
 
 import mujoco
@@ -14,6 +15,7 @@ from hil.estimation.consistent.conditions import BodyBounds
 from hil.export.formats import export
 from hil.export.simulated_robot import comment, simulated_robot
 from hil.export.urdf_file import bodies_of, body_of, given_urdf
+from hil.friction.law import AxisLaw, FrictionLaw, TermValue
 from hil.model.added_parameters import added_inertias
 from hil.model.base_parameters import base_parameters
 from hil.model.drive_train_file import CoupledMotor, Spring
@@ -22,6 +24,8 @@ from hil.model.motors import motor_torque
 from hil.model.readers.urdf import UrdfReader
 from hil.model.robot import Robot, robot_from_urdf
 from hil.results.consistency import find_consistent_robot
+from hil.simulation.arm import Arm, Drive, Start
+from hil.simulation.mujoco_arm import MujocoArm
 from hil.tasks.exporting import exported_model
 
 pinocchio = pytest.importorskip("pinocchio", minversion="3.0")  # earlier versions omit rotors
@@ -316,6 +320,28 @@ def test_dry_friction_stops_a_joint_of_the_simulation_and_holds_it() -> None:
     data.qvel[:] = 0.3
     mujoco.mj_step(loaded, data, 30000)
     assert np.abs(data.qvel).max() < 1e-6
+
+
+def test_axes_with_stribeck_friction_coast_to_rest_as_by_the_law() -> None:
+    robot = Robot.load("manutec-r15")
+    terms = {"Coulomb": 8.0, "viscous": 9.0, "arc tangent": -2.5}
+    law = AxisLaw(
+        law="arc tangent", speed=2.0, held_out={}, speeds=(0.1, 2.0),
+        terms={name: TermValue(value=x, standard_error=0.1) for name, x in terms.items()},
+        plain={"viscous": TermValue(value=9.0, standard_error=0.1)},
+    )  # fmt: skip
+    model = model_of(robot, *possible(robot))
+    model = find_consistent_robot(replace(model, friction_law=FrictionLaw(axes=(law,) * 6)))
+    exported = export(model, "mjcf", ())
+    assert sum("a polynomial of damping" in each for each in exported.remarks) == 6
+    time, none = np.arange(0.0, 1.5, 0.002), np.zeros(6)
+    still = model.gravity(np.zeros(6))
+    for axis in (3, 4, 5):
+        start = Start(none, np.eye(6)[axis] * 0.5, time, lambda *_: False)
+        torque = np.tile(still, (len(time), 1))
+        drive, arms = Drive(time, torque, 0.0 * torque, none, none), (Arm(model), MujocoArm(model))
+        expected, way = (arm.run([start], drive)[0][-1, axis] for arm in arms)
+        assert way == pytest.approx(expected, rel=0.02)
 
 
 @pytest.mark.parametrize("name", ["a-->", "a---><b/>", "----->", "- -->"])

@@ -125,14 +125,18 @@ def test_sensitivities_of_an_arm_are_those_of_difference_quotients():
         np.testing.assert_allclose(changes[:, :, 12 + k], expected, atol=0.08 * size)
 
 
-def test_too_few_stretches_unknown_friction_and_impossible_masses_are_refused():
+def test_a_model_that_no_bodies_have_is_refined_from_the_nearest_possible_ones():
+    found = refine(model(-1.0, mass_error=5.0), recorded(0, 12.0))
+    assert found.refinement.friction.endswith("beginning with the nearest possible bodies")
+    assert found.values[0] > 0
+
+
+def test_too_few_stretches_and_unknown_friction_are_refused():
     short, unknown = recorded(0, 2.0), carriage()
     with pytest.raises(NotEnoughData, match=r"refinement by simulation needs 4: record longer"):
         refine(model(), short, restart=1.0)
     with pytest.raises(NotEnoughData, match="no law of friction"):
         refine(replace(unknown, friction_law=FrictionLaw.absent(1)), short)
-    with pytest.raises(NotEnoughData, match="not positive definite"):
-        refine(model(-1.0), short)
 
 
 def test_a_refined_model_is_saved_and_loaded_with_its_errors(tmp_path):

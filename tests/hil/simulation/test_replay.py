@@ -12,6 +12,7 @@ from carriage_run import carriage, carriage_run
 from real_recordings import DATA, at_hand
 
 import hil
+from hil.commands import replay as command
 from hil.errors import InvalidValue
 from hil.simulation.replay import INITIAL, Controller, limits, replay
 
@@ -54,6 +55,25 @@ def test_a_motion_that_leaves_the_recording_ends_and_fails_every_limit(run: Run)
         ("doubtful", "diverged"),
     ]
     assert np.isfinite(found.rms).all()
+
+
+def test_a_motion_that_is_lost_at_once_has_no_finite_error_and_a_page(run: Run) -> None:
+    pushed = run.mapped(lambda each: replace(each.recording, tau=each.recording.tau + 1e9))
+    found = replay(pushed, carriage(), restart=0.5)
+    assert np.isinf(found.rms).all()
+    assert found.verdict({})[:2] == ("doubtful", "diverged")
+    assert found.verdict({False: 1e9})[0] == "failed"
+    assert "inf mm" in str(found.table())
+    assert len(list(command.positions(found))) == 1
+
+
+def test_a_model_that_no_bodies_have_is_simulated_by_the_nearest_possible_ones(run: Run) -> None:
+    model = carriage(-1.0)
+    found = replay(run, model, restart=0.2)
+    by_mujoco = replay(run, model, simulator="mujoco", restart=0.2)
+    assert "nearest possible bodies" in found.how
+    assert "nearest possible bodies" not in by_mujoco.how
+    np.testing.assert_allclose(found.rms, by_mujoco.rms, rtol=0.05)
 
 
 def test_without_a_limit_the_largest_error_is_stated(run: Run) -> None:
