@@ -262,9 +262,9 @@ def damping_remarks(model: Model) -> Iterator[str]:
             c, *_, misfit = each.coasting
             unit = model.robot.torque_unit(each.axis)
             yield (
-                f"axis {each.axis + 1}: frictionloss {significant(c, 3)} {unit} and a polynomial of "
-                "damping (MuJoCo 3.7 or later), with which simulated coasting is right, miss the "
-                f"law by {significant(misfit, 2)} {unit} rms; for other simulators write the "
+                f"axis {each.axis + 1}: frictionloss {significant(c, 3)} {unit} and a polynomial "
+                "of damping (MuJoCo 3.7 or later), with which simulated coasting is right, miss "
+                f"the law by {significant(misfit, 2)} {unit} rms; for other simulators write the "
                 "Coulomb and viscous friction stated for this axis"
             )
 
