@@ -290,7 +290,8 @@ class Simulations:
             for lane, axis in np.argwhere(qd[:, k - 1] * qd[:, k] < 0).tolist():
                 a, forth = qdd[lane, max(k - 2, 0), axis], np.sign(qd[lane, k, axis])
                 jump = -np.linalg.inv(M[lane, k])[:, axis] * forth * jumps[lane, k, axis]
-                share = np.clip(jump[axis] / a, -1.0, 0.0) / jump[axis] if jump[axis] else 0.0
+                with np.errstate(divide="ignore"):  # no acceleration: a jump of any size is large
+                    share = np.clip(jump[axis] / a, -1.0, 0.0) / jump[axis] if jump[axis] else 0.0
                 v[lane] += share * jump[:, None] * v[lane, axis]
         return found
 
