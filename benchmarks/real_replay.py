@@ -4,9 +4,9 @@
 
 FILE is the robot's URDF or MJCF. TRAIN and TEST are folders of imported runs, TRAIN identified. The
 recorded torques of TEST move the simulated arm, in stretches of 0.5 s: that of the bodies, rotors
-and friction in FILE, and that of TRAIN's model, as by ``hil replay TEST --model TRAIN --restart
-0.5``. Errors are those of the axes that cover at least `MOVES`, as a share of the range. Samples
-after a loss are not scored; the share of lost samples is stated.
+and friction in FILE, and that of TRAIN's model, as by ``hil replay TEST --model TRAIN --before FILE
+--restart 0.5``. Errors are those of the axes that cover at least `MOVES`, as a share of the range.
+Samples after a loss are not scored; the share of lost samples is stated.
 
 Kept: ``ur10``, from unisa-acg/inverse-dynamics-solver, first 16.5 s and last 11 s, and the URDF of
 Gepetto/example-robot-data at 39aa9437; ``ur10e``, from shamilmamedov/dynamic_calibration,
@@ -17,17 +17,13 @@ kjyv/FloBaRoID, recordings 1 and 2, with its URDF: torques of joint sensors.
 from __future__ import annotations
 
 import sys
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 from figures import Figure, keep
 
 import hil
-from hil.export.patch import patched_file
-from hil.friction.law import AxisLaw, FrictionLaw, TermValue
-from hil.model.base_parameters import base_parameters
-from hil.model.readers.urdf import UrdfReader
+from hil.export.patch import patched_file, stated_model
 from hil.simulation.replay import Replay, replay
 
 RESTART = 0.5
@@ -35,36 +31,6 @@ MOVES = 0.35
 """Least range of a moving axis [rad]: 20 degrees."""
 MOST_LOST = 50.0
 """Share of lost samples without a meaningful error of the others [%]."""
-
-
-def law_of(viscous: float, coulomb: float) -> AxisLaw:
-    """Return a law of Coulomb and viscous friction."""
-    terms = {
-        name: TermValue(value=value, standard_error=0.0)
-        for name, value in (("Coulomb", coulomb), ("viscous", viscous))
-    }
-    return AxisLaw(law="Coulomb and viscous", speed=1.0, terms=terms, plain=terms, held_out={})
-
-
-def model_of_file(path: Path, model: hil.Model) -> hil.Model:
-    """Return a model with the bodies, rotors and friction of a URDF or MJCF."""
-    robot, given = model.robot, patched_file(path, model.robot)
-    rotors = dict(zip((f"Ia{k + 1}" for k in range(robot.n_joints)), given.rotors(), strict=True))
-    added = [rotors.get(name, 0.0) for name in robot.added_parameters]
-    values = base_parameters(robot).matrix @ np.concatenate([given.bodies().ravel(), added])
-    laws = []
-    for k, joint in enumerate(given.chain.joints):
-        if path.suffix == ".urdf":
-            stated = UrdfReader(path).file.named("joint")[joint.name].find("dynamics")
-            keys = ("damping", "friction")
-            friction = [0.0 if stated is None else float(stated.get(key, 0)) for key in keys]
-        else:
-            dof, loaded = given.chain.dofs[k], given.chain.model
-            friction = [float(np.ravel(loaded.dof_damping[dof])[0]), loaded.dof_frictionloss[dof]]
-        laws.append(law_of(*friction))
-    return replace(
-        model, values=values, friction_law=FrictionLaw(axes=tuple(laws)), consistent=None
-    )
 
 
 def figures_of(name: str, found: Replay) -> dict[str, Figure]:
@@ -86,7 +52,10 @@ def main() -> None:
     name, path, train, test = sys.argv[1], Path(sys.argv[2]), *map(Path, sys.argv[3:])
     model = hil.Model.load(train)
     figures: dict[str, Figure] = {}
-    for which, each in (("file", model_of_file(path, model)), ("identified", model)):
+    for which, each in (
+        ("file", stated_model(model, patched_file(path, model.robot))),
+        ("identified", model),
+    ):
         figures |= figures_of(which, replay(test, each, restart=RESTART))
     for key, figure in figures.items():
         print(key, figure.text)

@@ -86,7 +86,7 @@ EXAMPLES: dict[str, tuple[str, str]] = {
         "hil export runs/first --to mjcf --patch arm.xml -o sim",
     ),
     "replay": (
-        "hil replay runs/other --model runs/first --max-error 2deg",
+        "hil replay runs/other --model runs/first --max-error 2deg --before arm.urdf",
         "hil replay runs/other --model runs/first --simulator mujoco --restart 0.5",
     ),
     "track": (

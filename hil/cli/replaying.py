@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Literal
 
 import typer
@@ -55,6 +56,10 @@ def replay(
     ] = None,
     kp: Gains = None,
     kd: Gains = None,
+    before: Annotated[
+        Path | None,
+        typer.Option(help="URDF or MJCF of the robot: its own values are simulated as well."),
+    ] = None,
     without: Without = None,
 ) -> None:
     """Simulate the recordings of a run with a model, and compute the position error.
@@ -72,18 +77,28 @@ def replay(
         limits = simulated.limits(max_error or ())
         run = Run.open(folder).exclude(without or ())
         model = loaded(model_path, run.robot)
-        found = simulated.replay(
-            run,
-            model,
-            simulator=simulator,
-            friction=friction,
-            controller=_controller(run.robot, kp, kd),
-            restart=restart,
-            progress=lambda name: now(f"simulating {name}"),
+        models = [model]
+        if before is not None:
+            from hil.export.patch import patched_file, stated_model
+
+            models.append(stated_model(model, patched_file(before, run.robot)))
+        found, *others = (
+            simulated.replay(
+                run,
+                each,
+                simulator=simulator,
+                friction=friction,
+                controller=_controller(run.robot, kp, kd),
+                restart=restart,
+                progress=lambda name: now(f"simulating {name}"),
+            )
+            for each in models
         )
-        outcome = command.replay(run, found, limits)
+        outcome = command.replay(run, found, limits, *others)
     show(outcome)
     give(rms=found.rms.tolist(), largest=found.largest.tolist())
+    if others:
+        give(before=others[0].rms.tolist())
     write_page(folder / command.PAGE, outcome)
     if any(each.kind == "failed" for each in outcome.verdicts):
         raise typer.Exit(Status.REFUSED)

@@ -18,13 +18,18 @@ if TYPE_CHECKING:
     from hil.simulation.replay import Replay
 
 PAGE = "replay.html"
+BEFORE = "The same with the values of the robot's file"
 
 
-def replay(run: Run, found: Replay, limits: Mapping[bool, float]) -> Outcome:
+def replay(
+    run: Run, found: Replay, limits: Mapping[bool, float], before: Replay | None = None
+) -> Outcome:
     """Return the outcome of a simulated run: position errors, judged by limits.
 
     Parameters
     ----------
+    before : Replay, optional
+        The run simulated with the values of the user's file, which are not judged.
     limits : mapping of bool to float
         Largest accepted error of revolute (True) and prismatic (False) joints [rad], [m].
     """
@@ -36,7 +41,7 @@ def replay(run: Run, found: Replay, limits: Mapping[bool, float]) -> Outcome:
         " below, simulated less recorded position.",
     )
     return Outcome(
-        (found.table(),),
+        (found.table(), *(() if before is None else (before.table(BEFORE),))),
         verdicts=(found.verdict(limits),),
         plots=(plot,),
         title=f"{run.robot.name}: replay",

@@ -45,6 +45,7 @@ from hil.export.urdf_file import (
     stated_body,
     urdf_remarks,
 )
+from hil.friction.law import AxisLaw, FrictionLaw, TermValue
 from hil.model.base_parameters import base_parameters
 from hil.model.frames import body_parameters, inverse, parameter_map, pseudo_inertia
 from hil.model.readers.axes_to_frames import difference
@@ -103,6 +104,9 @@ class Patched(Protocol):
     def rotors(self) -> Array:
         """Return the rotor inertias in the file, shape (n_joints,)."""
 
+    def friction(self) -> Array:
+        """Return Coulomb and viscous friction in the file, shape (n_joints, 2)."""
+
     def patch(self, k: int, joint: SimulatedJoint) -> Iterator[str]:
         """Write a joint and its link; yield the names of unchanged quantities."""
 
@@ -126,6 +130,24 @@ def patched_file(path: Path, robot: Robot) -> Patched:
     if XmlFile(path).root.tag == "mujoco":
         return _Mjcf(path, robot)
     return _Urdf(given_urdf(path, robot), robot)
+
+
+def stated_model(model: Model, given: Patched) -> Model:
+    """Return a model with the bodies, rotors and friction in the user's file."""
+    robot = model.robot
+    rotors = dict(zip((f"Ia{k + 1}" for k in range(robot.n_joints)), given.rotors(), strict=True))
+    added = [rotors.get(name, 0.0) for name in robot.added_parameters]
+    values = base_parameters(robot).matrix @ np.concatenate([given.bodies().ravel(), added])
+    laws = []
+    for each in given.friction().tolist():
+        terms = {
+            name: TermValue(value=value, standard_error=0.0)
+            for name, value in zip(("Coulomb", "viscous"), each, strict=True)
+        }
+        laws.append(AxisLaw(law="classical", speed=1.0, terms=terms, plain=terms, held_out={}))
+    return replace(
+        model, values=values, friction_law=FrictionLaw(axes=tuple(laws)), consistent=None
+    )
 
 
 def write_patched(model: Model, given: Patched) -> Exported:
@@ -252,6 +274,13 @@ class _Urdf:
     def rotors(self) -> Array:
         return np.zeros(len(self.chain.joints))
 
+    def friction(self) -> Array:
+        stated = (self._elements[joint.name].find("dynamics") for joint in self.chain.joints)
+        keys = ("friction", "damping")
+        return np.array(
+            [[0.0 if one is None else float(one.get(key, 0)) for key in keys] for one in stated]
+        )
+
     def _stated(self, k: int) -> list[tuple[str, Array, Array]]:
         """Return a link and all links on it: name, pose in the joint's frame, parameters."""
         reader, links = self._given.reader, {joint.link for joint in self.chain.joints}
@@ -350,6 +379,10 @@ class _Mjcf:
 
     def rotors(self) -> Array:
         return np.array([float(self._model.dof_armature[dof]) for dof in self.chain.dofs])
+
+    def friction(self) -> Array:
+        each = self._model.dof_frictionloss, self._model.dof_damping
+        return np.array([[float(x[dof]) for x in each] for dof in self.chain.dofs])
 
     def _joint_pose(self, body: int) -> Array:
         """Return the pose of a body in the frame of its joint."""

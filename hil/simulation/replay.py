@@ -188,7 +188,7 @@ class Replay:
         unit, factor = self.unit(axis)
         return f"{significant(factor * float(values[axis]), 3)} {unit}"
 
-    def table(self) -> Table:
+    def table(self, title: str = "Simulated and recorded positions") -> Table:
         """Return the table of the position errors of all axes."""
         rows = [
             (
@@ -201,7 +201,7 @@ class Replay:
             for axis in range(self.robot.n_joints)
         ]
         return table(
-            "Simulated and recorded positions",
+            title,
             ("axis", *figures("rms error", "largest error", "range", "rms, % of the range")),
             rows,
             "Errors of the positions over all scored samples, and range of the recorded positions.",
