@@ -67,7 +67,7 @@ def test_friction_that_gives_power_is_doubted_by_its_axis(tmp_path: Path) -> Non
 
 
 def test_a_few_blocks_of_time_accuse_nobody(tmp_path: Path) -> None:
-    """Standard errors of less than eight blocks are too small, so chance looks certain."""
+    """Standard errors of four blocks are too small, so chance looks certain."""
     model = identified(tmp_path, lambda tau: np.roll(tau, 1, axis=1))
     assert judged(model).word == "failed"
     few = replace(model, details=model.details.model_copy(update={"blocks": 4}))
