@@ -57,7 +57,7 @@ LONG = [
     ("payload RUN RUN", "results.load.LoadProblem.fit", "estimating both runs and the load"),
     ("payload measure --model RUN -o NEW", "results.load.estimated",
      "reading the run without the load"),
-    ("history RUN", "results.history.read_history", "comparing 1 runs"),
+    ("history RUN", "commands.history.read_history", "comparing 1 runs"),
     ("history RUN --identify", "results.findings.found_in", "identifying"),
     ("validate RUN --model RUN", "results.model.Model.load", "reading the model"),
     ("export RUN --to json -o NEW", "results.model.Model.load", "reading the model"),
