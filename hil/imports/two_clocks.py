@@ -150,7 +150,7 @@ def late_torques(lag: float) -> Suspicion:
         f"torques of all joints have a {'delay' if lag > 0 else 'lead'} of some "
         f"{float(f'{1e3 * abs(lag):.2g}'):.0f} ms; {CAUSES['torque delay'].remedy}"
     )
-    return Suspicion("shape", ("joints", 0, "torque"), message, certain=False)
+    return Suspicion("shape", ("joints", 0, "torque"), message, certain=False, first=True)
 
 
 def _left(found: _Lags, other: _Lags) -> float:

@@ -140,6 +140,7 @@ def test_a_lag_of_all_torques_is_named_whatever_its_size(seen, manutec, lag):
     found = re.search(
         r"torques of all joints have a (lead|delay) of some (\d+) ms", suspicion.message
     )
+    assert suspicion.first
     assert found
     assert found[1] == ("delay" if lag > 0 else "lead")
     assert float(found[2]) == pytest.approx(1e3 * abs(lag), rel=0.07, abs=5)
