@@ -220,6 +220,9 @@ def test_degrees_that_are_stated_as_radians_where_no_limits_tell(seen, manutec):
     ((place, words),) = said(seen, robot, q=np.degrees(seen.q))
     assert place == ("joints",)
     assert words == "positions of all joints that turn are in degrees, stated as rad"
+    ((place, words),) = said(seen, robot, q=seen.q / (2 * np.pi))
+    assert place == ("joints",)
+    assert words == "positions of all joints that turn are in turns"
 
 
 def test_friction_at_reversals_does_not_hide_joints_in_another_order(seen, manutec):
