@@ -386,6 +386,7 @@ def _readings(robot: Robot, thin: Evidence) -> Iterator[tuple[str, tuple[int, ..
     for factor, words, unusual in (
         (DEGREE, "in degrees, stated as rad", ranges > ORDINARY[1]),
         (1 / DEGREE, "in rad", ranges < ORDINARY[0]),
+        (2.0 * np.pi, "in turns", ranges < ORDINARY[1] / (2.0 * np.pi)),
     ):
         wrong = robot.revolute & unusual
         for axis in np.flatnonzero(wrong).tolist():
@@ -394,9 +395,6 @@ def _readings(robot: Robot, thin: Evidence) -> Iterator[tuple[str, tuple[int, ..
         if np.array_equal(wrong, robot.revolute):
             every = replace(stated, scale=np.where(wrong, factor, 1.0))
             yield "position scale", (), f"positions of all joints that turn are {words}", every
-    if turning and np.all(ranges[turning] * 2.0 * np.pi < ORDINARY[1]):
-        every = replace(stated, scale=np.where(robot.revolute, 2.0 * np.pi, 1.0))
-        yield "position scale", (), "positions of all joints that turn are in turns", every
     for axis in turning:
         for size in (size for size in STARTS["joint offset"] if size and size % 90.0 == 0.0):
             reading = sized(robot, "joint offset", axis)(size)
