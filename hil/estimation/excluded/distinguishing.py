@@ -81,7 +81,7 @@ BY_TIME = ("drift of torque constant", "slip")
 """Causes that depend on the time of a measurement, not on its configuration."""
 PLANNED = tuple(
     name for name, each in CAUSES.items()
-    if each.unit and name not in (*FITTED, *BY_TIME, "torque at its limit")
+    if each.unit and name not in (*FITTED, *BY_TIME, "torque at its limit", "sampling rate")
 )  # fmt: skip
 """Causes for which measurements are chosen."""
 

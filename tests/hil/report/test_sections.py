@@ -13,7 +13,6 @@ from small_run import empty_plots, write_run
 from hil.planning.design.friction import sweep
 from hil.report import page, sections
 from hil.runs.run import Run
-from hil.show.charts.chart import Chart
 from hil.show.html import TEMPLATES
 from hil.show.section import Plot, Section
 from hil.show.table import Column, Part, Table
@@ -115,7 +114,7 @@ def test_a_further_section_is_shown_with_its_table_and_its_plot_once_it_is_liste
     mixed: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     table = Table("Joints", (Column("axis"),), (Part((("of all",),)),))
-    plot = Plot("added", Chart, "An empty plot.", "Nothing at all.")
+    plot = Plot("added", tuple, "An empty plot.", "Nothing at all.")
 
     def added(run: ReportedRun) -> Section:
         values = {"table": table, "robot": run.robot.name}

@@ -41,7 +41,9 @@ def test_a_model_of_strokes_is_drawn_with_its_friction(manutec: Robot, tmp_path:
             for tracks in (scene.predicted.tracks, scene.measured.torque, scene.measured.velocity)
         )
         moves = np.abs(qd) > 0.2 * np.abs(qd).max()
-        left = np.median(np.abs(drawn - torque)[moves])
+        # predictions are 24 ms apart, and begin and end with the motion
+        assert np.isfinite(drawn[moves]).mean() > 0.95
+        left = np.nanmedian(np.abs(drawn - torque)[moves])
         assert left < 0.06 * np.median(np.abs(torque)[moves])
 
 
