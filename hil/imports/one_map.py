@@ -130,12 +130,13 @@ def interpret(
     if the_map.content.time is not None and (rate := the_map.content.time.rate) is not None:
         samples, segments, count = recounted(samples, segments, rate)
         parts = split_at_jumps(samples, segments)
-        lost = list(_lost_rows(segments, parts))
+        lost = list(_lost_rows(segments, parts, count))
         segments = parts
     mixed = list(source_suspicions(samples, segments))
     _refuse(the_map, mixed)
     timing = _timing(the_map, samples, segments)
-    timing.counts.add(count)
+    timing.counts.at_rate = count
+    timing.counts.rows += count.surplus
     spikes = list(spike_suspicions(samples, timing.stretches, robot))
     spikes += clipped_positions(samples, timing.stretches, robot)
     _refuse(the_map, spikes)
@@ -162,8 +163,20 @@ def interpret(
     return timing, numbered, (*lost, *mixed, *spikes, *found), explained
 
 
-def _lost_rows(segments: list[Integers], parts: list[Integers]) -> Iterator[Suspicion]:
-    """Yield a suspicion of rows missing in a recording without stamps."""
+def _lost_rows(
+    segments: list[Integers], parts: list[Integers], count: RowCount
+) -> Iterator[Suspicion]:
+    """Yield suspicions of rows missing in a recording without stamps."""
+    if count.missing:
+        yield Suspicion(
+            "spikes",
+            ("time", "rate"),
+            f"{count.missing} rows are missing, the first after row {count.first_missing}: the step"
+            " of all moving joints is a multiple of those around it; their time is inserted, but"
+            " rows missing close to reversals are not seen; record stamps",
+            certain=False,
+            first=True,
+        )
     first = {int(rows[0]) for rows in segments}
     begins = [int(rows[0]) for rows in parts if int(rows[0]) not in first]
     if begins:
@@ -189,9 +202,8 @@ def _refuse(the_map: MapFile, found: Sequence[Suspicion]) -> None:
 
 def _timing(the_map: MapFile, samples: Samples, segments: list[Integers]) -> Timing:
     stated = the_map.content.time
-    trusted = stated is not None and stated.rate is not None
     try:
-        return timing_of(samples, segments, trusted=trusted)
+        return timing_of(samples, segments, stated.rate if stated else None)
     except WrongStamps as error:
         lacking = "".join(f"; {each}" for each in _lacking(the_map, samples))
         raise the_map.wrong(("time",) if stated else (), f"{error}{lacking}") from error

@@ -36,7 +36,8 @@ CLEAR = 3 / WHOLE
 INCREMENTS = 2 / WHOLE
 """Minimum ratio of a step to an increment: two steps rounded by half each are within `WHOLE`."""
 BRIDGED = 0.02
-"""Longest repetition taken for surplus where no joint moves [s], as in `hil.imports.stamps`."""
+"""Longest time without samples that is interpolated [s]: less than half a period of a robot's
+fastest motion, at 20 Hz."""
 
 
 @dataclass

@@ -26,14 +26,13 @@ from hil.imports.instants import (
     lost,
     stretch_of,
 )
-from hil.imports.row_count import repeats_before
+from hil.imports.row_count import BRIDGED, RowCount, repeats_before
 from hil.imports.tables import ROWS, SECONDS
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
     from hil.arrays import Array, Integers
-    from hil.imports.row_count import RowCount
     from hil.imports.samples import Samples
 
 
@@ -59,10 +58,8 @@ class Counts:
         Number of stretches that are too short, with `short_time` [s] in total.
     repeating, first_repeating : int
         Number of rows that repeat all values of the previous row, and the first one, from 1.
-    surplus, first_surplus : int
-        Number of rows written twice at a stated rate, and the first one, from 1.
-    inserted, first_inserted : int
-        Number of rows found missing at a stated rate, and the row before the first one, from 1.
+    at_rate : RowCount
+        Rows written twice and rows missing at a stated rate.
     held : int
         Number of rows over which positions are held.
     repeated : int
@@ -77,10 +74,7 @@ class Counts:
     disordered: int = 0
     repeating: int = 0
     first_repeating: int = 0
-    surplus: int = 0
-    first_surplus: int = 0
-    inserted: int = 0
-    first_inserted: int = 0
+    at_rate: RowCount = field(default_factory=RowCount)
     gaps: int = 0
     lost: float = 0.0
     bridged: int = 0
@@ -89,12 +83,6 @@ class Counts:
     held: int = 1
     repeated: int = 0
     jitter: float = 0.0
-
-    def add(self, count: RowCount) -> None:
-        """Add the rows written twice, already left out, and the rows missing."""
-        self.rows += count.surplus
-        self.surplus, self.first_surplus = count.surplus, count.first_surplus
-        self.inserted, self.first_inserted = count.missing, count.first_missing
 
 
 @dataclass
@@ -107,7 +95,7 @@ class Timing:
     counts: Counts = field(default_factory=Counts)
 
 
-def timing_of(samples: Samples, segments: list[Integers], *, trusted: bool = False) -> Timing:
+def timing_of(samples: Samples, segments: list[Integers], rate: float | None = None) -> Timing:
     """Find stretches and instants.
 
     Parameters
@@ -115,8 +103,8 @@ def timing_of(samples: Samples, segments: list[Integers], *, trusted: bool = Fal
     samples : Samples
     segments : list of arrays of int
         Chosen rows, in independent parts.
-    trusted : bool
-        True if stamps come from a stated rate.
+    rate : float, optional
+        Stated rate that the stamps come from [Hz]; it remains, however many rows are missing.
 
     Raises
     ------
@@ -129,11 +117,8 @@ def timing_of(samples: Samples, segments: list[Integers], *, trusted: bool = Fal
     usable = [rows for rows in usable if len(rows) > 1]
     if not usable:
         raise WrongStamps("no two rows with all columns present; choose other columns or rows")
-    times = [samples.time[rows] for rows in usable]
-    # a stated rate remains, however many rows are missing
-    period = (
-        float(np.median(np.concatenate(list(map(np.diff, times))))) if trusted else _period(times)
-    )
+    trusted = rate is not None
+    period = 1.0 / rate if rate else _period([samples.time[rows] for rows in usable])
     if period < 0:
         raise WrongStamps("time runs backwards; choose another column of time, or reverse the rows")
     if not period > 0:
@@ -263,7 +248,7 @@ def _drop_held(samples: Samples, rows: Integers, period: float, counts: Counts) 
         return rows
     apart = np.diff(changes, append=len(rows))
     usual = float(np.median(apart))
-    held = same & np.repeat(apart <= max(0.02 / period, 2.5 * usual), apart)
+    held = same & np.repeat(apart <= max(BRIDGED / period, 2.5 * usual), apart)
     found = np.flatnonzero(held)
     # fewer than one held row in a hundred are harmless, and coarse columns repeat as often by
     # chance
@@ -278,7 +263,7 @@ def _split(
     time: Array, rows: Integers, period: float, counts: Counts, *, trusted: bool
 ) -> Iterator[Integers]:
     """Split rows at gaps too long for interpolation."""
-    longest = max(0.02, 2.5 * period) * (1 + SAME_STAMP)
+    longest = max(BRIDGED, 2.5 * period) * (1 + SAME_STAMP)
     wide = np.flatnonzero(np.diff(time) > longest)
     # stamps of a stated rate are never late
     missing = np.diff(time)[wide] - period if trusted else lost(time, wide, period)

@@ -186,8 +186,7 @@ class Statement:
         for number, one, many in (
             (counts.missing, "row lacks a number", "rows lack a number"),
             (counts.doubled, "row has a duplicate time stamp", "rows have duplicate time stamps"),
-            (counts.surplus, *self._surplus()),
-            (counts.inserted, *self._inserted()),
+            (counts.at_rate.surplus, *self._surplus()),
             (counts.repeating, *self._repeating()),
             (counts.disordered, "row was out of order in time", "rows were out of order in time"),
             (self.wraps, "jump of a whole turn is removed", "jumps of whole turns are removed"),
@@ -207,17 +206,10 @@ class Statement:
 
     def _surplus(self) -> tuple[str, str]:
         """Return words for rows written twice, singular and plural."""
+        first = self.timing.counts.at_rate.first_surplus
         rest = (
-            f"written twice, from row {self.timing.counts.first_surplus} on, as the next step of"
-            " the moving joints is an ordinary one; left out"
-        )
-        return f"row is {rest}", f"rows are {rest}"
-
-    def _inserted(self) -> tuple[str, str]:
-        """Return words for missing rows, singular and plural."""
-        rest = (
-            f"missing, the first after row {self.timing.counts.first_inserted}, as the step of all"
-            " moving joints there is a multiple of the steps around it; the rate counts them"
+            f"written twice, from row {first} on, as the next step of the moving joints is an "
+            "ordinary one; left out"
         )
         return f"row is {rest}", f"rows are {rest}"
 

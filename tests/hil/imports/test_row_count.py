@@ -57,8 +57,10 @@ def test_single_missing_rows_are_found_and_interpolated(tmp_path, share, digits)
     _, stated = imported(tmp_path, ROWS[~gone],
                            **{q: COLUMNS[q].round(digits) for q in ("q1", "q2")})  # fmt: skip
     counts = stated.timing.counts
-    assert 0.75 * gone.sum() < counts.inserted <= gone.sum()
-    assert f"{counts.inserted} rows are missing" in "\n".join(stated.lines())
+    assert 0.75 * gone.sum() < counts.at_rate.missing <= gone.sum()
+    said = stated.suspicions[0]
+    assert said.message.startswith(f"{counts.at_rate.missing} rows are missing")
+    assert said.first
     assert counts.bridged > 0.7 * gone.sum()
 
 
@@ -95,7 +97,7 @@ RNG = np.random.default_rng(3)
 def test_nothing_is_found_in_a_sound_recording(tmp_path, columns):
     _, stated = imported(tmp_path, ROWS, accept=["shape"], **columns)
     counts = stated.timing.counts
-    assert (counts.surplus, counts.inserted) == (0, 0)
+    assert (counts.at_rate.surplus, counts.at_rate.missing) == (0, 0)
 
 
 def test_late_rows_and_hurried_ones_are_neither(tmp_path):
@@ -104,4 +106,4 @@ def test_late_rows_and_hurried_ones_are_neither(tmp_path):
     time[late] += 0.009
     columns = table(time=time)
     _, stated = imported(tmp_path, ROWS, **columns)
-    assert stated.timing.counts.inserted == 0
+    assert stated.timing.counts.at_rate.missing == 0
