@@ -45,6 +45,10 @@ HELP = {
     "verbose": "Show log records and tracebacks; given twice, also those of the bus.",
     "json": "Write results as one JSON object; messages go to standard error.",
 }
+TYPES = {"path": "PATH", "str": "TEXT", "int": "NUMBER", "float": "NUMBER"}
+"""Words of the help for types of values."""
+COUNTED = {"count": True, "metavar": "", "show_default": False}
+"""Settings of an option that counts occurrences."""
 
 
 def set_output(*, quiet: bool = False, verbose: int = 0, json: bool = False) -> None:
@@ -99,10 +103,6 @@ def equip(command: Any, path: str) -> Any:
     return command
 
 
-TYPES = {"path": "PATH", "str": "TEXT", "int": "NUMBER", "float": "NUMBER"}
-"""Words of the help for types of values."""
-
-
 def name_types(parameters: list[Any], context: Any) -> list[Any]:
     """Set short names for the values of options in the help, such as ``NUMBER``.
 
@@ -122,10 +122,6 @@ def name_types(parameters: list[Any], context: Any) -> list[Any]:
             elif each.metavar is None and (kind or "|" in shown):
                 each.metavar = kind or shown.replace("|", " | ")
     return parameters
-
-
-COUNTED = {"count": True, "metavar": "", "show_default": False}
-"""Settings of an option that counts occurrences."""
 
 
 def _own(name: str, *flags: str, **more: Any) -> Any:

@@ -45,6 +45,18 @@ if TYPE_CHECKING:
     from hil.show.table import Row
 
 
+_OF_DRIVE = ("rotor_inertia_uncertainty", "torque_constant_uncertainty", "encoder_resolution")
+_OF_JOINT = (
+    "name", "q_min", "q_max", "velocity_limit", "acceleration_limit", "torque_limit", "capsule",
+    "torque_noise", "friction_wander",
+)  # fmt: skip
+_FREE_TO_DIFFER: dict[str, bool | dict[str, bool]] = {
+    **dict.fromkeys(_OF_JOINT, True),
+    "drive": dict.fromkeys(_OF_DRIVE, True),
+}
+"""Keys of a joint without influence on the parameters."""
+
+
 @dataclass(frozen=True, eq=False)
 class KnownRun:
     """Run with readings in the order of the quantities; None for an unknown quantity."""
@@ -109,18 +121,6 @@ class History:
         explained = {each.against for each in exchanged}
         others = (e.sentence for e in self.tests(run) if e.marked and e.against not in explained)
         return (*(each.sentence for each in exchanged), *others)
-
-
-_OF_DRIVE = ("rotor_inertia_uncertainty", "torque_constant_uncertainty", "encoder_resolution")
-_OF_JOINT = (
-    "name", "q_min", "q_max", "velocity_limit", "acceleration_limit", "torque_limit", "capsule",
-    "torque_noise", "friction_wander",
-)  # fmt: skip
-_FREE_TO_DIFFER: dict[str, bool | dict[str, bool]] = {
-    **dict.fromkeys(_OF_JOINT, True),
-    "drive": dict.fromkeys(_OF_DRIVE, True),
-}
-"""Keys of a joint without influence on the parameters."""
 
 
 def read_history(

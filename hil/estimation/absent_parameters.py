@@ -65,6 +65,8 @@ ALIKE = 0.98
 _SEEN = 1e-4
 """Smallest share of a visible direction's information left when stated parameters are estimated."""
 _SAME = 1e-6
+SEEN = 0.005
+"""Smallest relevant shift [rad]; below, a missing parameter acts by its inertia only."""
 
 
 class Candidate(FileModel):
@@ -241,10 +243,6 @@ def _tested(
 def _candidate(names: tuple[str, ...], value: float, error: float, p_value: float) -> Candidate:
     figures = {"value": value, "standard_error": error, "t": value / error, "p_value": p_value}
     return Candidate(names=names, **{name: float(each) for name, each in figures.items()})
-
-
-SEEN = 0.005
-"""Smallest relevant shift [rad]; below, a missing parameter acts by its inertia only."""
 
 
 class Sinusoid(NamedTuple):

@@ -77,6 +77,11 @@ if TYPE_CHECKING:
     from hil.runs.recording import Recorded
 
 FEW = "too few samples"
+NONE = (
+    "no strokes of a single axis among the recordings; import some with kind: "
+    "{back_and_forth: JOINT} in the map, or omit --method"
+)
+OTHER = "no strokes of a single axis; this method uses no other recordings"
 
 
 def fit_free_motions(
@@ -211,13 +216,6 @@ def estimate_from(
         friction_law=details.law,
         details=details,
     )
-
-
-NONE = (
-    "no strokes of a single axis among the recordings; import some with kind: "
-    "{back_and_forth: JOINT} in the map, or omit --method"
-)
-OTHER = "no strokes of a single axis; this method uses no other recordings"
 
 
 def fit_back_and_forth(

@@ -36,6 +36,17 @@ FIRST = np.array([1.0, -8.0, 0.0, 8.0, -1.0]) / 12.0
 """First difference, for a sampling period of 1."""
 SECOND = np.array([-1.0, 16.0, -30.0, 16.0, -1.0]) / 12.0
 """Second difference, for a sampling period of 1."""
+SPAN = 0.1
+"""Duration of a parabola [s]: motion up to 3 Hz, guided or planned, deviates from it by 2 %.
+"""
+FEWEST = 5
+"""Minimum number of samples of a span: two more than the parabola's coefficients."""
+CARRIED = 1e-4
+"""Largest deflection of a standing axis, relative to the widest range of the axes: servos hold arms
+to some 0.1 mrad during motions of some rad (the twins of `tests/robots`)."""
+ROUNDING = 1e-9
+"""Rounding of converted counts, relative to the position: a count of 32 bits has 2e-10."""
+Number = TypeVar("Number", np.float64, np.complex128)
 
 
 def jerk_window(period: float) -> Array:
@@ -101,19 +112,6 @@ def weights(period: float) -> Array:
     return window
 
 
-SPAN = 0.1
-"""Duration of a parabola [s]: motion up to 3 Hz, guided or planned, deviates from it by 2 %.
-"""
-FEWEST = 5
-"""Minimum number of samples of a span: two more than the parabola's coefficients."""
-CARRIED = 1e-4
-"""Largest deflection of a standing axis, relative to the widest range of the axes: servos hold arms
-to some 0.1 mrad during motions of some rad (the twins of `tests/robots`)."""
-
-ROUNDING = 1e-9
-"""Rounding of converted counts, relative to the position: a count of 32 bits has 2e-10."""
-
-
 class Extent(NamedTuple):
     """Lowest and highest mean of spans, and noise, each (n_joints,)."""
 
@@ -153,9 +151,6 @@ def increment(x: Array) -> float:
     # positions in rad or m: increments are no smaller than those of a range of 1
     real = steps[steps > ROUNDING * max(1.0, float(np.abs(x).max()))]
     return float(real.min(initial=np.inf)) if len(real) else 0.0
-
-
-Number = TypeVar("Number", np.float64, np.complex128)
 
 
 def smooth_at(

@@ -49,6 +49,14 @@ interpolation with continuous velocity.
 """
 LOOP = 0.001
 """Period of the control loops of many drives [s]."""
+REAL_TIME = 4.0
+"""Duration of real-time motion before time is accelerated [s], enough for a look at the page."""
+DOUBLED = 1.5
+"""Time between doublings of the speed [s]."""
+AT_ONCE = 0.01
+"""Duration of the samples passed together [s]: a quarter of the time between displayed samples."""
+LATE = 0.04
+"""Maximum delay that is made up for [s]: the time between two displayed samples."""
 
 
 class BusInFront:
@@ -253,16 +261,6 @@ def motion_of(path: Array, period: float, ahead: float) -> tuple[Array, Array, A
 def _interpolate(values: Array, at: Array) -> Array:
     numbers = np.arange(len(values))
     return np.column_stack([np.interp(at, numbers, column) for column in values.T])
-
-
-REAL_TIME = 4.0
-"""Duration of real-time motion before time is accelerated [s], enough for a look at the page."""
-DOUBLED = 1.5
-"""Time between doublings of the speed [s]."""
-AT_ONCE = 0.01
-"""Duration of the samples passed together [s]: a quarter of the time between displayed samples."""
-LATE = 0.04
-"""Maximum delay that is made up for [s]: the time between two displayed samples."""
 
 
 class PacedBus(BusInFront):

@@ -75,6 +75,14 @@ if TYPE_CHECKING:
 
 _ELIMINATION_ORDER = (9, 8, 3, 4, 2, 1, 0, 5, 7, 6)
 """Order of elimination: m, sz, Iyy as in Gautier and Khalil, then the rest."""
+_ADDED = {
+    "Ia": "rotor inertia of axis {}",
+    "Iam": "rotor inertia of coupled motor {}",
+    "k": "spring of axis {}",
+    "kc": "spring of axis {}, cosine",
+    "ks": "spring of axis {}, sine",
+}
+"""Meanings of added parameters (`hil.model.added_parameters`)."""
 
 
 def transfers(robot: Robot) -> list[tuple[Array, list[int]]]:
@@ -148,16 +156,6 @@ def _echelon(basis: Array) -> tuple[Array, list[int]]:
     nearest = np.round(basis)
     snapped = np.where(np.abs(basis - nearest) < ROUNDED_OFF, nearest, basis)
     return snapped + 0.0, given
-
-
-_ADDED = {
-    "Ia": "rotor inertia of axis {}",
-    "Iam": "rotor inertia of coupled motor {}",
-    "k": "spring of axis {}",
-    "kc": "spring of axis {}, cosine",
-    "ks": "spring of axis {}, sine",
-}
-"""Meanings of added parameters (`hil.model.added_parameters`)."""
 
 
 def meanings(

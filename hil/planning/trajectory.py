@@ -47,6 +47,11 @@ ROUNDED = 0.5e-6
 _WHY = {
     "acceleration": f", {ACCELERATION_SHARE:.0%} of its limit, to allow for coupling",
 }
+MARGIN = 0.7
+"""Share of the window available to the lag in a planned trajectory; torques and friction took up to
+0.2 more on the manutec-r15."""
+SAMPLES = 2000
+"""Number of instants per period at which lags are evaluated."""
 
 
 class Trajectory(FileModel):
@@ -203,13 +208,6 @@ def check_trajectory(trajectory: Trajectory, robot: Robot, period: float) -> Ite
 
 def _about(limit: float) -> tuple[float, float]:
     return -float(limit), float(limit)
-
-
-MARGIN = 0.7
-"""Share of the window available to the lag in a planned trajectory; torques and friction took up to
-0.2 more on the manutec-r15."""
-SAMPLES = 2000
-"""Number of instants per period at which lags are evaluated."""
 
 
 class Following(NamedTuple):

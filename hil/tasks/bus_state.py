@@ -28,6 +28,9 @@ if TYPE_CHECKING:
     from collections.abc import Iterator
 
 
+REPLAY = "replay"
+
+
 class BusState:
     """Files about a bus in the user's state directory.
 
@@ -148,9 +151,6 @@ class BusState:
 def left_behind(path: Path) -> bool:
     """Return True if drives may hold values of the session kept in a file."""
     return path.exists() and bool(load_found_settings(path).unrestored)
-
-
-REPLAY = "replay"
 
 
 def kept_in(folder: Path, interface: str, channel: str) -> SettingsKeeper:

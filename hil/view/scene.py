@@ -54,6 +54,10 @@ if TYPE_CHECKING:
     Rows = list[tuple[float, float, float]]
 
 
+KNOTS = 24
+"""Knots per period of a trajectory's highest harmonic."""
+
+
 class Planned(NamedTuple):
     """Plan over time: knots per joint; joints rest after the last knot."""
 
@@ -199,10 +203,6 @@ def _knots(measurement: Measurement) -> float:
         creep = measurement.n_strokes * measurement.profile(0).duration
         found += 4 * creep / partner.profile(measurement.q, 0).duration
     return found
-
-
-KNOTS = 24
-"""Knots per period of a trajectory's highest harmonic."""
 
 
 def _cubic(track: Track, time: Array) -> tuple[Array, Array, Array]:

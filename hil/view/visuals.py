@@ -38,6 +38,8 @@ if TYPE_CHECKING:
 
 
 _TRIANGLE = np.dtype([("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("attribute", "<u2")])
+FINEST = 1e-4
+"""Initial edge of the cells for merging vertices [m]."""
 
 
 def read_triangles(path: Path, largest: int = 100_000_000) -> Array:
@@ -168,10 +170,6 @@ def _revolve(outline: Sequence[tuple[float, float]], sides: int = 24) -> Array:
         for corners in ([low[i], low[i + 1], high[i + 1]], [low[i], high[i + 1], high[i]])
     ]
     return np.array(found)
-
-
-FINEST = 1e-4
-"""Initial edge of the cells for merging vertices [m]."""
 
 
 class Mesh(NamedTuple):

@@ -78,6 +78,9 @@ _DECREMENT = 1e-9
 _RIDGE = 1e-13
 _ROUNDING = 1e-9
 _SHORTEST_STEP = 1e-9
+_SAME_SCALE = 0.01
+_RANK = 1e-9
+_NEGLIGIBLE = 1e-13
 
 
 def likeliest(
@@ -159,11 +162,6 @@ def _newton(blocks: _Blocks, slope: Array, pull: Array, z: Array) -> Array:
 def _value(blocks: _Blocks, slope: Array, pull: Array, z: Array) -> float:
     dets = [w * np.linalg.slogdet(block.constant + block.weights @ z)[1] for block, w in blocks]
     return float(slope @ z + pull @ z**2 / 2 - sum(dets))
-
-
-_SAME_SCALE = 0.01
-_RANK = 1e-9
-_NEGLIGIBLE = 1e-13
 
 
 @dataclass(frozen=True, slots=True, eq=False)

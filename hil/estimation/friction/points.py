@@ -68,6 +68,9 @@ if TYPE_CHECKING:
 BOUND = 0.02
 """Largest acceptable asymmetry, as a share of the friction level: a convention; ``hil friction
 --asymmetry`` sets another bound."""
+COLD = 60.0
+"""Longest time from entering the bus to the first sample of a cold start [s]; travels and switching
+on take less (`hil run` uses it, too)."""
 
 
 class Symmetry(FileModel):
@@ -164,11 +167,6 @@ def _test(shares: Array, errors: Array, common: float, bound: float) -> Symmetry
         bound=bound,
         passed=p_bound >= SIGNIFICANT,
     )
-
-
-COLD = 60.0
-"""Longest time from entering the bus to the first sample of a cold start [s]; travels and switching
-on take less (`hil run` uses it, too)."""
 
 
 class Positions(Protocol):

@@ -78,6 +78,8 @@ unbiased, and finite, so that every gain is determined.
 """
 STEADY = 1e-6
 """Relative change of weights below which they count as constant."""
+PASSES = 2
+"""Number of passes: friction of the transmitted torque includes the load of the previous pass."""
 
 
 class Runs(NamedTuple):
@@ -360,10 +362,6 @@ def _left(blocks: Blocks, axis: int, x: Array, n_base: int) -> Array:
 
 def _label(n: int, run: int) -> dict[str, Indices]:
     return {"run": np.full(n, run, dtype=np.intp)}
-
-
-PASSES = 2
-"""Number of passes: friction of the transmitted torque includes the load of the previous pass."""
 
 
 def fit_load(

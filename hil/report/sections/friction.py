@@ -58,6 +58,13 @@ if TYPE_CHECKING:
 
 POINTS = 150
 """Maximum number of friction points per axis; more would overlap."""
+STYLES = {
+    "linear": (MUTED, "1 3"),
+    "cube-root": (GREEN, "5 3"),
+    "arctan": (MODEL, ""),
+    "stribeck": (PURPLE, "6 2 1 2"),
+}
+"""Colour and dash pattern by friction model."""
 
 
 def torque(run: ReportedRun) -> Section | None:
@@ -177,15 +184,6 @@ def _law(
         width=357.0,
         height=140.0,
     )  # fmt: skip
-
-
-STYLES = {
-    "linear": (MUTED, "1 3"),
-    "cube-root": (GREEN, "5 3"),
-    "arctan": (MODEL, ""),
-    "stribeck": (PURPLE, "6 2 1 2"),
-}
-"""Colour and dash pattern by friction model."""
 
 
 def _characteristic(own: Sequence[FrictionPoint], colour: str, label: str) -> Iterator[Item]:

@@ -34,6 +34,10 @@ if TYPE_CHECKING:
     from hil.show.charts.chart import Item
 
 
+LEAST = 1e-3
+"""Lower end of the axis [%]: a tenth of the smallest detectable torque of measured campaigns."""
+
+
 def parameters(run: ReportedRun) -> Section | None:
     """Create the section of base parameters by group, with intervals as torques."""
     if run.found.effect is None:
@@ -116,10 +120,6 @@ def intervals(model: Model, check: Model | None, effect: Array) -> Iterator[Pane
         left=260.0,
         height=max(21.0 * len(order), 120.0),
     )
-
-
-LEAST = 1e-3
-"""Lower end of the axis [%]: a tenth of the smallest detectable torque of measured campaigns."""
 
 
 def excluded(run: ReportedRun) -> Section | None:
