@@ -22,7 +22,7 @@ import numpy as np
 from hil.imports.evidence import Suspicion
 from hil.imports.spikes import GREATEST
 from hil.imports.tables import ROWS
-from hil.least_squares.window import extent, moving
+from hil.least_squares.standstill import extent, moving
 from hil.model.frames import ROUNDED_OFF
 
 if TYPE_CHECKING:

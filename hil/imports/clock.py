@@ -15,7 +15,7 @@ import numpy as np
 from hil.imports.evidence import Suspicion
 from hil.imports.instants import EVEN
 from hil.imports.misread import FITS, OTHER, compared, other_units
-from hil.least_squares.window import SPAN
+from hil.least_squares.standstill import SPAN
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence

@@ -13,7 +13,7 @@ import numpy as np
 
 from hil.imports.instants import resampled
 from hil.imports.segments import Piece
-from hil.least_squares.window import extent, moving
+from hil.least_squares.standstill import extent, moving
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from hil.arrays import Array, Integers, Mask
     from hil.imports.map_file import Check
     from hil.imports.samples import Samples
-    from hil.least_squares.window import Extent
+    from hil.least_squares.standstill import Extent
 
 
 GRAVITY: tuple[Check, ...] = ("shape", "spikes", "range", "velocity", "still", "friction")

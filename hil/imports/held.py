@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from hil.imports.tables import ROWS
-from hil.least_squares.window import increment
+from hil.least_squares.standstill import increment
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence

@@ -19,7 +19,7 @@ from hil.imports.evidence import Suspicion
 from hil.imports.held import rows_held
 from hil.imports.instants import roughness
 from hil.imports.tables import ROWS
-from hil.least_squares.window import increment
+from hil.least_squares.standstill import increment
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence

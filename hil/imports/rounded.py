@@ -13,7 +13,7 @@ import numpy as np
 from hil.estimation.options import ACCURACY
 from hil.imports.evidence import Suspicion
 from hil.imports.held import EXCERPT
-from hil.least_squares.window import increment
+from hil.least_squares.standstill import increment
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence

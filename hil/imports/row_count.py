@@ -17,7 +17,7 @@ from numpy.lib.stride_tricks import sliding_window_view
 
 from hil.imports.held import SHARE
 from hil.imports.tables import ROWS
-from hil.least_squares.window import increment
+from hil.least_squares.standstill import increment
 
 if TYPE_CHECKING:
     from collections.abc import Sequence

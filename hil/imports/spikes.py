@@ -24,7 +24,7 @@ import numpy as np
 
 from hil.imports.evidence import Suspicion
 from hil.imports.tables import ROWS
-from hil.least_squares.window import CARRIED, extent, increment, moving
+from hil.least_squares.standstill import CARRIED, extent, increment, moving
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence

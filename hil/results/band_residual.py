@@ -11,7 +11,8 @@ import numpy as np
 from hil.errors import FrictionUnknown, Mismatch
 from hil.estimation.free_motion.motion import low_passed
 from hil.friction.equation import SLOW
-from hil.least_squares.window import extent, moving, widen
+from hil.least_squares.standstill import extent, moving
+from hil.least_squares.window import widen
 from hil.planning.free_motion import FreeMotion
 from hil.planning.measurement import shows_parameters
 from hil.results.recorded_torque import convert_torques

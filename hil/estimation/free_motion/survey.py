@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from hil.errors import Mismatch, NotEnoughData
-from hil.least_squares.window import extent, moving
+from hil.least_squares.standstill import extent, moving
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from hil.least_squares.window import extent, moving
+from hil.least_squares.standstill import extent, moving
 
 T = 0.004
 TIME = np.arange(0, 40, T)

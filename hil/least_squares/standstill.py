@@ -1,0 +1,70 @@
+"""Detection of moving axes: position ranges compared with the measurement noise.
+
+Noise is the scatter of positions about parabolas over spans too short for a robot to reverse, or
+the rounding to encoder increments. An axis moves if its range, with noise averaged over these
+spans, is wider than the noise band; a locked axis with a noisy encoder counts as standing.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from hil.arrays import Array, Mask
+
+
+SPAN = 0.1
+"""Duration of a parabola [s]: motion up to 3 Hz, guided or planned, deviates from it by 2 %.
+"""
+FEWEST = 5
+"""Minimum number of samples of a span: two more than the parabola's coefficients."""
+CARRIED = 1e-4
+"""Largest deflection of a standing axis, relative to the widest range of the axes: servos hold arms
+to some 0.1 mrad during motions of some rad (the twins of `tests/robots`)."""
+ROUNDING = 1e-9
+"""Rounding of converted counts, relative to the position: a count of 32 bits has 2e-10."""
+
+
+class Extent(NamedTuple):
+    """Lowest and highest mean of spans, and noise, each (n_joints,)."""
+
+    low: Array
+    high: Array
+    noise: Array
+
+
+def extent(q: Array, period: float) -> Extent:
+    """Compute the extent of positions (n, n_joints) sampled every `period` [s]."""
+    span = max(FEWEST, round(SPAN / period))
+    if len(q) < span:
+        return Extent(q.min(axis=0), q.max(axis=0), np.zeros(q.shape[1]))
+    spans = q[: len(q) // span * span].reshape(-1, span, q.shape[1])
+    basis, _ = np.linalg.qr(np.vander(np.linspace(-1.0, 1.0, span), 3))
+    left = spans - basis @ (basis.T @ spans)
+    size = max(float(np.abs(left).max()), np.finfo(float).tiny)  # scaled: squares may overflow
+    scatter = size * np.sqrt(((left / size) ** 2).sum(axis=(0, 1)) / (len(spans) * (span - 3)))
+    means = spans.mean(axis=1)
+    noise = np.maximum(scatter, [increment(each) / np.sqrt(12.0) for each in q.T])
+    return Extent(means.min(axis=0), means.max(axis=0), noise)
+
+
+def moving(extents: Sequence[Extent]) -> Mask:
+    """Find the moving axes from the extents of the recordings, shape (n_joints,)."""
+    low, high, noise = (np.array(each) for each in zip(*extents, strict=True))
+    reach = high.max(axis=0) - low.min(axis=0)
+    # width of the noise band: 5 standard deviations to either side, exceeded by one of two million
+    # samples
+    band = np.maximum(10.0 * noise.max(axis=0), CARRIED * reach.max())
+    return np.asarray(reach > np.maximum(band, ROUNDING * np.abs([low, high]).max(axis=(0, 1))))
+
+
+def increment(x: Array) -> float:
+    """Return the least difference of distinct values, apart from rounding of converted counts."""
+    steps = np.diff(np.sort(x))  # a tenth of the time of np.unique
+    # positions in rad or m: increments are no smaller than those of a range of 1
+    real = steps[steps > ROUNDING * max(1.0, float(np.abs(x).max()))]
+    return float(real.min(initial=np.inf)) if len(real) else 0.0
