@@ -16,7 +16,7 @@ import numpy as np
 
 from hil.estimation.free_motion.gathering import gather
 from hil.estimation.free_motion.variants import Variant
-from hil.estimation.free_motion_methods import estimate_from
+from hil.estimation.import_methods import estimate_from
 
 from .solution import total_least_squares
 

@@ -1,7 +1,7 @@
 """Select the identification method by name, or by the kinds of the recordings.
 
 Two-step methods take measurements (`two_step_methods`), the others imported motions
-(`free_motion_methods`).
+(`import_methods`).
 """
 
 from __future__ import annotations
@@ -37,7 +37,7 @@ JOINT = "joint"
 def _import_method(name: str) -> Identify:
     def identify(robot: Robot, recorded: Recorded, options: Options) -> Estimate:
         # spectra and filters take half a second to import, and measurements do not use them
-        from hil.estimation import free_motion_methods as methods  # noqa: PLC0415
+        from hil.estimation import import_methods as methods  # noqa: PLC0415
 
         if name == JOINT:
             return methods.fit_joint(robot, recorded, options)

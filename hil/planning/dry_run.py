@@ -13,21 +13,22 @@ from collections import Counter, defaultdict
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, NamedTuple
 
+from hil.planning.lag import check_lag, find_largest_lag
 from hil.planning.measurement import axes_lacking_law, element_measurements, shows_parameters
 from hil.planning.path_clearance import obstacles
 from hil.planning.prediction.identifiability import Identifiability, identifiability
 from hil.planning.timetable import timetable
-from hil.planning.trajectory import check_lag, check_trajectory, find_largest_lag
+from hil.planning.trajectory import check_trajectory
 from hil.planning.workspace import narrow_ranges
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
     from hil.model.robot import Robot
+    from hil.planning.lag import Following, Lag
     from hil.planning.measurement import Measurement
     from hil.planning.plan import Plan
     from hil.planning.strokes import Partner, Strokes
-    from hil.planning.trajectory import Following, Lag
 
 
 @dataclass(frozen=True, slots=True)

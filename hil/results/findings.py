@@ -33,8 +33,9 @@ from hil.estimation.fit_details import MeasurementFit
 from hil.estimation.identify import JOINT
 from hil.estimation.options import DEFAULTS
 from hil.results.provenance import RunStamp
-from hil.runs.atomic_file import own_key, write_file
+from hil.runs.atomic_file import write_file
 from hil.runs.pooling import recorded
+from hil.runs.user_state import own_key
 from hil.version import DISTRIBUTION
 
 if TYPE_CHECKING:

@@ -14,8 +14,8 @@ from hil.estimation.drive_train import find_drive_train
 from hil.estimation.free_motion.gathering import gather
 from hil.estimation.free_motion.scaling import Scaling
 from hil.estimation.free_motion.variants import DEFAULT, VARIANTS
-from hil.estimation.free_motion_methods import estimate_from
 from hil.estimation.identify import restrict
+from hil.estimation.import_methods import estimate_from
 from hil.estimation.loads.evidence import condensed_like, free_motion_evidence, stroke_evidence
 from hil.estimation.loads.joint import fit_load
 from hil.estimation.noise_levels import noise_levels

@@ -15,8 +15,6 @@ At most one process measures into a run folder, and at most one commands the dri
 measuring processes would remove each other's files; settings restored during a session would remove
 limits and watchdogs from powered axes. The lock is the kernel's, on the folder itself or on a
 permanent file, and ends with the process. Systems without kernel locks have no protection.
-
-The user's state directory holds the secret key for files that a command wrote for itself.
 """
 
 from __future__ import annotations
@@ -25,11 +23,8 @@ import os
 import re
 import secrets
 import shutil
-import tempfile
 import time
 from contextlib import contextmanager, suppress
-from functools import cache
-from pathlib import Path
 from typing import IO, TYPE_CHECKING
 
 from checked_files.yaml_file import FileError
@@ -37,41 +32,7 @@ from checked_files.yaml_file import FileError
 if TYPE_CHECKING:
     from collections.abc import Iterator
     from contextlib import AbstractContextManager
-
-
-STATE = "XDG_STATE_HOME"
-
-
-def state_folder() -> Path:
-    """Return the folder of this program in the user's state directory."""
-    stated = os.environ.get(STATE, "")
-    home = Path(stated) if Path(stated).is_absolute() else Path.home() / ".local" / "state"
-    return home / "hil"
-
-
-def own_key() -> bytes:
-    """Return the secret key of this user, or a key of this process alone if none can be stored."""
-    try:
-        return _key(state_folder() / "key")
-    except RuntimeError:  # a user without a home
-        return _key(None)
-
-
-@cache
-def _key(path: Path | None) -> bytes:
-    made = secrets.token_bytes(32)
-    if path is None:
-        return made
-    try:
-        path.parent.mkdir(parents=True, exist_ok=True)
-        with tempfile.NamedTemporaryFile(dir=path.parent) as file:  # readable by the user alone
-            file.write(made)
-            file.flush()
-            with suppress(FileExistsError):
-                os.link(file.name, path)  # written at once; the first process determines the key
-        return path.read_bytes()
-    except OSError:
-        return made
+    from pathlib import Path
 
 
 try:

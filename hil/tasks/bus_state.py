@@ -22,7 +22,8 @@ from checked_files.yaml_file import FileError, read_text
 from drivers.found_settings.keeping import SettingsKeeper
 from drivers.found_settings.settings_file import NAME, load_found_settings
 from hil.runs import SIMULATED
-from hil.runs.atomic_file import file_errors, locked_bus, state_folder, write_file
+from hil.runs.atomic_file import file_errors, locked_bus, write_file
+from hil.runs.user_state import state_folder
 
 if TYPE_CHECKING:
     from collections.abc import Iterator

@@ -20,8 +20,8 @@ from hil.measuring.feeding import DELAY
 from hil.model.robot import ROBOTS
 from hil.planning import BITRATE
 from hil.planning.dry_run import BusCycle
+from hil.planning.lag import Following
 from hil.planning.prediction.noise import stated_noise
-from hil.planning.trajectory import Following
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence

@@ -24,8 +24,8 @@ from hil.estimation.drive_train import DriveTrain
 from hil.estimation.free_motion.motion import Processing
 from hil.estimation.free_motion.nuisances import find_nuisances
 from hil.estimation.free_motion.result import FreeMotionFit
-from hil.estimation.free_motion_methods import fit_free_motions
 from hil.estimation.identify import METHODS
+from hil.estimation.import_methods import fit_free_motions
 from hil.estimation.local_fits import LOCAL_FITS
 from hil.export import formats
 from hil.measuring.sequencer import MANNERS
@@ -82,7 +82,7 @@ REGISTRIES = {
         Registry("hil/estimation/free_motion/nuisances.py", [find_nuisances]),
         Registry("hil/estimation/free_motion/motion.py", [Processing]),
         Registry("hil/estimation/free_motion/result.py", [FreeMotionFit]),
-        Registry("hil/estimation/free_motion_methods.py", [fit_free_motions]),
+        Registry("hil/estimation/import_methods.py", [fit_free_motions]),
         Registry("hil/estimation/drive_train.py", [DriveTrain]),
     ),
     "a method to be compared with": (

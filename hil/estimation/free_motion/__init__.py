@@ -7,7 +7,7 @@ on held-out blocks, as is the drift of the friction level (`drift`). Recordings 
 after another (`accumulation`) to blocks of inner products of named columns (`columns`) of filtered
 motion (`motion`); samples of all recordings are never in memory at once. Everything else is a
 regression over these blocks (`hil.least_squares.regression`). The methods by name are in
-`hil.estimation.free_motion_methods`.
+`hil.estimation.import_methods`.
 
 Standard errors add two contributions: differences between blocks of time, and differences between
 regions of the state space, where an incomplete model shows; the default method adds the differences

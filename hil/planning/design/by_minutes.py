@@ -39,8 +39,9 @@ import numpy as np
 from hil.friction.equation import n_unknowns
 from hil.least_squares.solving import solved
 from hil.model.base_parameters import base_parameters
-from hil.planning.design.by_counts import TRAVEL, greedy, guarded_tour, nearest_first, places
+from hil.planning.design.by_counts import greedy, places
 from hil.planning.design.candidates import pool, trajectories, weigh
+from hil.planning.design.tour import TRAVEL, guarded_tour, nearest_first
 from hil.planning.measurement import ELEMENT_KINDS, FOR_A_LAW, axes_lacking_law
 from hil.planning.plan import Plan, make_plan
 from hil.planning.prediction.precision import torque_scale

@@ -7,9 +7,10 @@ import pytest
 
 from hil.model.base_parameters import base_parameters
 from hil.planning.design import by_minutes, candidates
-from hil.planning.design.by_counts import TRAVEL, design
+from hil.planning.design.by_counts import design
 from hil.planning.design.by_minutes import CORE, Selection, design_within, refine
 from hil.planning.design.candidates import pool
+from hil.planning.design.tour import TRAVEL
 from hil.planning.design.trajectories import Search
 from hil.planning.dry_run import dry_run
 from hil.planning.measurement import axes_lacking_law

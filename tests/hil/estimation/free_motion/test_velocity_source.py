@@ -10,7 +10,7 @@ import pytest
 from free_run import PERIOD, TRUTH, arm, recorded, some_motion
 
 from hil.estimation.free_motion.settings import velocity_sources
-from hil.estimation.free_motion_methods import fit_free_motions
+from hil.estimation.import_methods import fit_free_motions
 from hil.results.tables.model import statements
 
 if TYPE_CHECKING:
