@@ -37,8 +37,7 @@ Below this share, the mean delay of a column is less than a tenth of a sample.
 _HELD = 0.9
 """Minimum share of isolated steps for held values; a recorder is sometimes late."""
 SLOW = 0.05
-"""Share of the greatest speed below which an axis counts as at rest, as of strokes
-(`hil.imports.segments`)."""
+"""Share of the greatest speed below which an axis counts as at rest."""
 _ABOUT = np.ones(9)
 """Window in rows for the motion of a held position."""
 

@@ -254,9 +254,11 @@ def _unsigned_torques(excerpts: Sequence[Excerpt]) -> Iterator[Suspicion]:
 
 def _touches(x: Array) -> int:
     """Count samples as close to zero as by chance, between neighbours as far as of a crossing."""
-    near = CLOSE * np.quantile(np.abs(np.diff(x)), OFTEN)
-    # a torque of one sign that rests close to zero has small steps there
-    return int(np.count_nonzero((x[1:-1] > 0) & (x[1:-1] < near) & (x[:-2] + x[2:] > 10.0 * near)))
+    step = np.quantile(np.abs(np.diff(x)), OFTEN)
+    # neighbours of a crossing are far, at a quarter of the ordinary speed by half a step in all; a
+    # torque of one sign that rests close to zero has smaller steps there
+    crosses = x[:-2] + x[2:] > 0.5 * step
+    return int(np.count_nonzero((x[1:-1] > 0) & (x[1:-1] < CLOSE * step) & crosses))
 
 
 def small(

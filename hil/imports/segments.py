@@ -19,6 +19,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from hil.imports.held import SLOW
 from hil.imports.instants import resampled
 from hil.imports.row_count import increments
 from hil.runs.recording import IDLE
@@ -189,8 +190,7 @@ def strokes_of(q: Array, period: float) -> list[tuple[int, int, bool]]:
     half = max(1, round(0.02 / period / 2))
     speed = np.zeros(len(q))
     speed[half:-half] = (q[2 * half :] - q[: -2 * half]) / (2 * half * period)
-    # motion begins at a twentieth of the greatest speed
-    direction = np.where(np.abs(speed) > 0.05 * np.max(np.abs(speed)), np.sign(speed), 0)
+    direction = np.where(np.abs(speed) > SLOW * np.max(np.abs(speed)), np.sign(speed), 0)
     merged: list[list[int]] = []
     edges = [0, *(np.flatnonzero(np.diff(direction)) + 1).tolist(), len(direction)]
     for begin, end in pairwise(edges):

@@ -183,14 +183,12 @@ def keeper_of_run(folder: Path, interface: str, channel: str) -> Iterator[Settin
         write_file(path, content)
         state.name_run(kept)  # from here on, drives are written to
 
-    with state.locked():
-        state.refuse_left_behind(kept)
-        with _reported(SettingsKeeper(kept, write, (interface, channel))) as keeper:
-            try:
-                yield keeper
-            finally:
-                if not keeper.unrestored and not left_behind(kept):
-                    state.forget_run(kept)
+    with _session(state, SettingsKeeper(kept, write, (interface, channel)), kept) as keeper:
+        try:
+            yield keeper
+        finally:
+            if not keeper.unrestored and not left_behind(kept):
+                state.forget_run(kept)
 
 
 @contextmanager
@@ -207,15 +205,24 @@ def keeper_of_bus(interface: str, channel: str | None) -> Iterator[SettingsKeepe
         return
     state = BusState(interface, channel := channel or "")
     path = state.settings
+    with _session(state, SettingsKeeper(path, state.write, (interface, channel)), None) as keeper:
+        try:
+            yield keeper
+        finally:
+            if path.exists() and not keeper.unrestored and load_found_settings(path).restored:
+                with file_errors(path, "removed"):
+                    path.unlink(missing_ok=True)
+
+
+@contextmanager
+def _session(
+    state: BusState, keeper: SettingsKeeper, ours: Path | None
+) -> Iterator[SettingsKeeper]:
+    """Command the drives of a bus alone; settings of an earlier session, but `ours`, refuse it."""
     with state.locked():
-        state.refuse_left_behind(None)
-        with _reported(SettingsKeeper(path, state.write, (interface, channel))) as keeper:
-            try:
-                yield keeper
-            finally:
-                if path.exists() and not keeper.unrestored and load_found_settings(path).restored:
-                    with file_errors(path, "removed"):
-                        path.unlink(missing_ok=True)
+        state.refuse_left_behind(ours)
+        with _reported(keeper):
+            yield keeper
 
 
 @contextmanager
