@@ -65,20 +65,31 @@ def half_width(scatter: Array, stated: Array, degrees: Array, level: float) -> A
     return np.sqrt(squares)
 
 
-def combined_degrees(rows: Array, variances: Array, degrees: Array) -> Array:
-    """Return degrees of freedom of combinations of parameters, shape (...,).
+def welch_degrees(rows: Array, variances: Array, degrees: Array) -> Array:
+    """Return Welch's and Satterthwaite's degrees of freedom of sums of independent values.
 
     Parameters
     ----------
-    rows : ndarray, shape (..., n_base)
-        Coefficients of each combination.
-    variances, degrees : ndarray, shape (n_base,)
-        Variances and degrees of freedom of the parameters.
+    rows : ndarray, shape (..., n)
+        Coefficients of each sum.
+    variances, degrees : ndarray, shape (n,)
+        Variances and degrees of freedom of the values.
     """
     shares = rows**2 * variances
     total, fourth = shares.sum(axis=-1) ** 2, (shares**2 / degrees).sum(axis=-1)
     found: Array = np.divide(total, fourth, out=np.full_like(total, MANY), where=fourth > 0)
     return found
+
+
+def combined_degrees(rows: Array, variances: Array, degrees: Array) -> Array:
+    """Return degrees of freedom of combinations of parameters, shape (...,).
+
+    Arguments as of `welch_degrees`. The parameters share their groups of measurements, so a
+    combination has no more degrees of freedom than the best of its parameters alone.
+    """
+    best = np.where(rows**2 * variances > 0, degrees, 0.0).max(axis=-1)
+    found = welch_degrees(rows, variances, degrees)
+    return np.where(best > 0, np.minimum(found, best), found)
 
 
 def degrees_behind(ratio: float) -> float:

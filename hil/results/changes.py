@@ -35,7 +35,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 from scipy import special
 
-from hil.estimation.intervals import SIGNIFICANT, combined_degrees
+from hil.estimation.intervals import SIGNIFICANT, welch_degrees
 from hil.show.rounding import probability, rounded, signed, significant, uncertain, unit
 from hil.show.table import Column, Table, figures, table
 
@@ -149,7 +149,7 @@ def change(
     variances = np.array([new.standard_error**2, old.standard_error**2])
     error = float(np.sqrt(variances.sum()))
     freedom = np.array([new.degrees, old.degrees])
-    degrees = float(combined_degrees(np.ones(2), variances, freedom))
+    degrees = float(welch_degrees(np.ones(2), variances, freedom))
     allowance, size = max(new.allowance, old.allowance), new.value - old.value
     half = allowance + float(special.stdtrit(degrees, 0.975)) * error
     p = float(p_values(abs(size), allowance, error, degrees))

@@ -71,7 +71,7 @@ def verdict(
 
 def _found(model: Model) -> Iterator[Reservation]:
     """Yield objections due to found causes, except causes with a negligible effect on torques."""
-    causes = model.excluded.found if model.excluded and not _hardly_any_blocks(model) else ()
+    causes = model.excluded.found if model.excluded else ()
     free, relative = (free_torques(model), uncertainty(model)) if causes else (None, None)
     for cause in causes:
         # relative torque change of the worst axis by the correction; harmless below the torque's
@@ -128,7 +128,7 @@ def _unexplained(fit: FreeMotionFit) -> Reservation | None:
 def _impossible(model: Model) -> Iterator[Reservation]:
     """Return an objection to physically impossible inertias: such a model must not be used."""
     for each in impossible_inertias(model):
-        if each.certain and not _hardly_any_blocks(model):
+        if each.certain:
             yield failed(
                 f"{_stated(each)}; it must be positive for every robot",
                 "check signs, units, gear ratios and torque constants, in the map or the drives"
@@ -289,11 +289,6 @@ def _few(model: Model) -> tuple[int, int, int] | None:
 def _few_blocks(model: Model) -> str:
     blocks = model.details.blocks
     return str(blocks) if blocks is not None and blocks < FEW_BLOCKS else ""
-
-
-def _hardly_any_blocks(model: Model) -> bool:
-    """Return True for half as many blocks as standard errors need: chance looks certain."""
-    return model.details.blocks is not None and model.details.blocks <= FEW_BLOCKS // 2
 
 
 def _one_way(model: Model) -> Iterator[Reservation]:

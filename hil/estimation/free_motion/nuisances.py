@@ -109,9 +109,10 @@ def find_nuisances(
     )
     plain = usual(products.pieces[0])
     slowest = max(dead_zone_of(products, plain.weights), 1)
-    # largest lag in either direction: two samples of a log at 20 Hz; beyond half a period of the
+    # largest lag in either direction: up to 0.1 s, model errors of KR300 and LWR4+ passed for lags
+    # of 31 to 76 ms of single axes, different in each recording; beyond half a period of the
     # equation's cut-off frequency Gauss-Newton may converge to a wrong period
-    most = min(0.1, 0.5 / processing.band)
+    most = min(0.03, 0.5 / processing.band)
     first = plain.solution[: len(first)]
     # shifts of the condensed torque per period of the cut-off frequency: six shifts interpolate the
     # torque at that frequency within 1e-4

@@ -4,7 +4,13 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from hil.estimation.intervals import MANY, combined_degrees, degrees_behind, half_width
+from hil.estimation.intervals import (
+    MANY,
+    combined_degrees,
+    degrees_behind,
+    half_width,
+    welch_degrees,
+)
 
 VARIANCES, DEGREES = np.array([4.0, 4.0, 0.0]), np.array([6.0, 6.0, 2.0])
 
@@ -19,7 +25,12 @@ def test_what_is_stated_is_normal_and_what_shows_in_few_data_is_student_s():
 
 def test_degrees_of_freedom_of_a_sum_are_welch_s():
     rows = np.array([[1.0, 0.0, 0.0], [1.0, 1.0, 0.0], [1.0, 0.0, 5.0]])
-    assert combined_degrees(rows, VARIANCES, DEGREES) == pytest.approx([6.0, 12.0, 6.0])
+    assert welch_degrees(rows, VARIANCES, DEGREES) == pytest.approx([6.0, 12.0, 6.0])
+
+
+def test_parameters_of_the_same_groups_have_no_more_degrees_of_freedom_together():
+    rows = np.array([[1.0, 0.0, 0.0], [1.0, 1.0, 0.0], [1.0, 0.0, 5.0]])
+    assert combined_degrees(rows, VARIANCES, DEGREES) == pytest.approx([6.0, 6.0, 6.0])
 
 
 def test_a_sum_that_nothing_scatters_is_as_sure_as_the_normal_distribution():

@@ -66,17 +66,6 @@ def test_friction_that_gives_power_is_doubted_by_its_axis(tmp_path: Path) -> Non
     assert found.driving == (2,)
 
 
-def test_a_few_blocks_of_time_accuse_nobody(tmp_path: Path) -> None:
-    """Standard errors of four blocks are too small, so chance looks certain."""
-    model = identified(tmp_path, lambda tau: np.roll(tau, 1, axis=1))
-    assert judged(model).word == "failed"
-    few = replace(model, details=model.details.model_copy(update={"blocks": 4}))
-    residual = few.details.model_copy(update={"relative_residual": (0.05, 0.05)})
-    found = judged(replace(few, details=residual))
-    assert found.word == "doubtful"
-    assert any("4 independent blocks" in each.reason for each in found.reasons)
-
-
 def test_a_torque_that_hardly_changes_is_a_doubt_and_no_failure(tmp_path: Path) -> None:
     model = identified(tmp_path, lambda tau: tau)
     constant = {"relative_residual": (0.01, 0.02), "naive_residual": (1.0, 0.02)}
