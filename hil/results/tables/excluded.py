@@ -49,9 +49,11 @@ def excluded(
 
 def untestable(axes: Sequence[int], source: str) -> str:
     """Return the reason why causes of axes, from 1, have no size; axis 0 stands for the arm."""
-    which = " and ".join(f"axis {axis}" if axis else "the arm" for axis in axes)
+    numbers = [str(axis) for axis in axes if axis]
+    which = [f"{'axis' if len(numbers) == 1 else 'axes'} {', '.join(numbers)}"] if numbers else []
+    arm = ["the arm"] if 0 in axes else []
     verb = "has" if len(axes) == 1 else "have"
-    return f"not testable with {source}: {which} {verb} too little torque"
+    return f"not testable with {source}: {' and '.join(arm + which)} {verb} too little torque"
 
 
 def foreseen(proof: Excluded, n_joints: int, source: str) -> Table:

@@ -11,7 +11,7 @@ import pytest
 from rich.console import Console
 
 from hil.estimation.excluded.result import Excluded, Found, Limit
-from hil.results.tables.excluded import FOUND, UNTESTED, change_by_cause, excluded
+from hil.results.tables.excluded import FOUND, UNTESTED, change_by_cause, excluded, untestable
 from hil.show.html import html
 from hil.show.outcome import Outcome, Verdict
 from hil.show.page import write_outcome
@@ -183,3 +183,13 @@ def test_a_size_with_more_torque_than_the_recorded_one_is_no_limit() -> None:
     (row,) = shown.parts[0].rows
     assert row[2:] == ("3.5", UNTESTED, "3.5")
     assert any("these recordings: axis 2 has too little torque" in note for note in shown.notes)
+
+
+@pytest.mark.parametrize(
+    ("axes", "words"),
+    [([0], "the arm has"), ([0, 2], "the arm and axis 2 have"), ([1, 3, 4], "axes 1, 3, 4 have")],
+)
+def test_axes_that_cannot_be_tested_are_listed(axes: list[int], words: str) -> None:
+    assert (
+        untestable(axes, "this plan") == f"not testable with this plan: {words} too little torque"
+    )
