@@ -129,6 +129,7 @@ def _ratios(excerpts: Sequence[Excerpt], evidence: Evidence, shown: Mask) -> tup
     the cosine of the lag.
     """
     sums, n = np.zeros((3, int(shown.sum()))), 0
+    bends, powers = np.zeros((2, int(shown.sum())))
     noise = np.zeros((2, int(shown.sum())))
     for each in excerpts:
         every = max(2, round(SPAN / each.period))
@@ -142,6 +143,8 @@ def _ratios(excerpts: Sequence[Excerpt], evidence: Evidence, shown: Mask) -> tup
             (by_velocity * by_position).sum(0),
         ]
         n += len(by_position)
+        bends += (np.diff(qd, 2, axis=0) ** 2).sum(axis=0)
+        powers += (qd**2).sum(axis=0)
         noise += len(by_position) * np.array([
             every * (each.period * evidence.noise_recorded[shown]) ** 2,
             2.0 * each.extent.noise[shown] ** 2,
@@ -150,6 +153,8 @@ def _ratios(excerpts: Sequence[Excerpt], evidence: Evidence, shown: Mask) -> tup
     power = np.maximum(np.sqrt(sums[0] * sums[1]), np.finfo(float).tiny)
     correlation = np.clip(sums[2] / power, -1.0, 1.0)
     error = CHANCE * np.sqrt((1.0 - correlation**2) / max(n, 1)) + (1.0 - correlation)
+    # the trapezoidal rule is off by a twelfth of the second difference
+    error += np.sqrt(bends / np.maximum(powers, np.finfo(float).tiny)) / 12.0
     ratio = np.sqrt(of_velocity / np.maximum(of_position, np.finfo(float).tiny))
     return np.maximum(ratio, np.finfo(float).tiny), np.maximum(error, np.finfo(float).eps)
 

@@ -5,8 +5,10 @@ Plausibility is judged on excerpts of some seconds; all excerpts together are th
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from functools import cached_property
+from itertools import pairwise
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -63,6 +65,8 @@ HALF_WIDTH = 0.02
 """Half width of the window of a local fit [s]."""
 _MARGIN = 3
 """Samples read beyond a grid: two for the slopes of its cubics, and one for rounding."""
+_LENGTH = 10.0
+"""Maximum duration of an excerpt [s]."""
 _SAME = 1e-3
 """Distance from a grid counted as zero, in periods: a tenth of `instants.EVEN`."""
 
@@ -127,25 +131,42 @@ def _resample(instants: Array, values: Array, grid: Array, period: float) -> Arr
 
 
 def excerpts_of(samples: Samples, pieces: Sequence[Piece]) -> list[Excerpt]:
-    """Return excerpts from the middle of evenly chosen pieces."""
+    """Return excerpts from the middle of evenly chosen pieces.
+
+    For joints at rest in them, those parts of all pieces are added in which they move most.
+    """
     # 24 excerpts at most
     chosen = sorted({round(k) for k in np.linspace(0, len(pieces) - 1, min(24, len(pieces)))})
     parts = [_middle(pieces[k]) for k in chosen]
+    values = [even_samples(samples, part) for part in parts]
+    extents = [
+        extent(q, part.stretch.period) for part, (q, _, _) in zip(parts, values, strict=True)
+    ]
+    if not (moves := moving(extents)).all():
+        others = [part for piece in pieces for part in _parts(piece)]
+        ways = [np.ptp(even_samples(samples, part)[0][:, ~moves], axis=0) for part in others]
+        parts += [others[k] for k in sorted(set(np.argmax(ways, axis=0).tolist()))]
+        values += [even_samples(samples, part) for part in parts[len(values) :]]
     whole = sum(part.duration for part in parts)
     found = []
-    for part in parts:
-        q, tau, qd = even_samples(samples, part)
+    for part, (q, tau, qd) in zip(parts, values, strict=True):
         # motion is fitted at 3000 points over all excerpts
         points = max(20, round(3000 * part.duration / whole))
         begin = float(part.grid[0] - pieces[0].grid[0])
         found.append(Excerpt(part.stretch.period, q, tau, qd, points, begin))
-    return found
+    return sorted(found, key=lambda each: each.begin)
 
 
 def _middle(piece: Piece) -> Piece:
-    # maximum length of an excerpt [s]
-    n = min(piece.n, round(10.0 / piece.stretch.period) + 1)
+    n = min(piece.n, round(_LENGTH / piece.stretch.period) + 1)
     return Piece(piece.stretch, piece.first + (piece.n - n) // 2, n)
+
+
+def _parts(piece: Piece) -> list[Piece]:
+    """Cut a piece into excerpts."""
+    count = max(1, math.ceil(piece.duration / _LENGTH - 1e-6))
+    edges = np.linspace(0, piece.n, count + 1).round().astype(int).tolist()
+    return [Piece(piece.stretch, piece.first + a, b - a) for a, b in pairwise(edges)]
 
 
 @dataclass(frozen=True, eq=False)

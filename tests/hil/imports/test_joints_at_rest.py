@@ -80,3 +80,18 @@ def test_a_joint_that_moves_is_compared_all_the_same(tmp_path, case):
 def test_a_spike_of_a_joint_at_rest_that_outweighs_all_motion_is_refused(tmp_path):
     with pytest.raises(FileError, match=r"joints\.1\.position: 1 sample differs"):
         suspicions(tmp_path, velocity=False, q2=flicker(30.0, [500]), m2=HOLDING)
+
+
+def test_joints_that_move_one_after_the_other_all_move(tmp_path):
+    """Excerpts from the middle of a recording of 40 s show the second joint only."""
+    columns = table(40.0, rate=100.0)
+    t = columns["t"]
+    q, _, tau = motion(t)
+    first = t < 15.0
+    columns |= {"q1": np.where(first, q[:, 0], q[0, 0]), "m1": np.where(first, tau[:, 0], 5.0)}
+    columns |= {"q2": np.where(first, q[0, 1], q[:, 1])}
+    write_csv(tmp_path / "data.csv", columns)
+    stated = []
+    the_map = write_map(tmp_path, a_map(velocity=False, accept=["shape"]))
+    import_recordings([the_map], tmp_path / "run", stated.append)
+    assert not [s for s in stated[0].suspicions if s.check == "still"]
