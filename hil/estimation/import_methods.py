@@ -188,7 +188,7 @@ def estimate_from(
         still=tuple(axis + 1 for axis in found.still),
         rest={axis + 1: float(found.rest[axis]) for axis in found.still},
         driving=driving_axes(fit),
-        unusual=tuple(axis + 1 for axis in solution.unusual),
+        unusual=tuple(axis + 1 for axis in solution.unusual if axis not in found.still),
         not_identified=_names(robot, solution),
         bias_test=bias_test(robot, gathered.stretches, scaling, choice, gathered.first),
         least_inertia=least_inertia(robot, fit.x[:n], visited),

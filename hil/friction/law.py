@@ -73,8 +73,8 @@ class OneWay(FileModel):
     def __str__(self) -> str:
         value, half = self.together.value, TWICE * self.together.standard_error
         return (
-            "moves in one direction only, so Coulomb friction and an offset cannot be separated:"
-            f" together they are {value:.3g} ± {half:.2g}"
+            "moves beyond its dead zone in one direction only, so Coulomb friction and an offset "
+            f"cannot be separated: together they are {value:.3g} ± {half:.2g}"
         )
 
 

@@ -27,11 +27,12 @@ from hil.estimation.excluded.alternatives import (
     Reading,
     discrete,
     explained,
+    likeliest_signs,
     sized,
 )
 from hil.estimation.excluded.causes import CAUSES
 from hil.estimation.excluded.evidence import measured
-from hil.estimation.excluded.finding import LEAVES, TOGETHER
+from hil.estimation.excluded.finding import EXPLAINS, LEAVES, TOGETHER
 from hil.estimation.excluded.result import located
 from hil.estimation.excluded.words import rank_of
 from hil.estimation.signals import signals
@@ -73,12 +74,6 @@ MAP_KEYS: dict[str, tuple[str | int, ...]] = {
     "wrong sign of all torques": ("joints", 0, "torque", "sign"),
 }
 """Keys of the map for causes that concern no single joint."""
-EXPLAINS = 1.0 / 9.0
-"""Share of the mean square of an axis left by the reading that refuses a map, all axes multiplied.
-
-On recordings of an arm without a valid model, wrong readings leave 0.2; on those of a UR10 with one
-wrong sign, the right reading leaves at most 0.01, unless no parameter depends on the sign.
-"""
 NOTHING = 0.8
 """Minimum residual share of the torque variance for torques unrelated to the motion.
 
@@ -146,13 +141,14 @@ def mechanical_suspicions(
             f"torque variance of every moving joint unexplained: {_why_unrelated(smooth, shown)}",
         )
         return
-    poor = bool(np.median(share) > UNEXPLAINED)
+    poor = share > UNEXPLAINED
     strangers = shown & (share > NOTHING)
-    misread = list(_misread(robot, excerpts, prepared, solver, strangers, poor=poor))
+    some = bool(poor[shown].any())
+    misread = list(_misread(robot, excerpts, prepared, solver, strangers, poor=some))
     yield from misread
     another = () if misread else list(clock_of_torques(excerpts, robot, shown))
     yield from another
-    if not misread and not another and poor:
+    if not misread and not another and np.median(poor) > 0.5:
         yield from _late(robot, prepared, solver, shown)
 
 
@@ -202,7 +198,7 @@ def _misread(
     """Yield a suspicion if another reading of the map explains the torques.
 
     Torques of `strangers`, shape (n_joints,), do not follow the motion of their axes. A `poor`
-    model permits that most columns are exchanged.
+    model of some axis permits that most columns are exchanged, or several signs wrong.
     """
     thin = measured(robot, solver, prepared).thinned(ROWS)[0].project_out_own()
     stated = explained(robot, thin, Reading.stated(robot))
@@ -225,12 +221,14 @@ def _misread(
     if others and "exchanged" in others[0].cause:
         exchanged.append((*others[0][2:5], others[0].explained.reading))
     if poor:
-        exchanged += _alphabetical_order(robot)
+        exchanged += _reordered(robot, prepared)
+        exchanged += _several_signs(stated)
     # friction of exchanged axes follows another motion, so it is fitted anew
     tried = [
         (_left(robot, excerpts, reading, solver, of_torques), cause, axes, words)
         for cause, axes, words, reading in exchanged
-        for of_torques in [axes if "torque" in cause else ()]
+        # torques of two axes leave the parameters of the others as they are
+        for of_torques in [axes if "torque" in cause and len(axes) <= 2 else ()]
     ]
     left, cause, axes, words = min(tried, default=(np.inf, "", (), ""))
     # against a possible map, an exchange must leave at most a ninth of the mean squares: on
@@ -257,14 +255,54 @@ def _misread(
             return
 
 
-def _alphabetical_order(robot: Robot) -> Iterator[tuple[str, tuple[int, ...], str, Reading]]:
-    """Yield the reading of columns in the alphabetical order of the joints, as ROS sorts them."""
+def _reordered(
+    robot: Robot, prepared: Prepared
+) -> Iterator[tuple[str, tuple[int, ...], str, Reading]]:
+    """Yield readings with columns in another order: alphabetical as of ROS, reverse, best torques.
+
+    The best order assigns torques to the motions that explain them, each with friction of its own.
+    """
     stated, names = Reading.stated(robot), list(robot.joint_names)
-    order = tuple(sorted(names).index(name) for name in names)
-    axes = tuple(axis for axis, channel in enumerate(order) if channel != axis)
-    if axes and np.array_equal(robot.revolute[[*order]], robot.revolute):
-        cause = "all axes exchanged"
-        yield cause, axes, CAUSES[cause].words, replace(stated, order=order, torques=order)
+    cause, turns = "all axes exchanged", robot.revolute
+    for words, order in (
+        (CAUSES[cause].words, [sorted(names).index(name) for name in names]),
+        ("columns in reverse order", [*range(robot.n_joints)][::-1]),
+    ):
+        axes = tuple(axis for axis, channel in enumerate(order) if channel != axis)
+        if axes and np.array_equal(turns[order], turns):
+            reading = replace(stated, order=tuple(order), torques=tuple(order))
+            yield cause, axes, words, reading
+    from scipy.optimize import linear_sum_assignment  # noqa: PLC0415 - takes long to load
+
+    tau = np.concatenate([s.smoothed(s.tau)[s.valid] for _, s in prepared])
+    driven = np.flatnonzero(tau.any(axis=0))
+    misfit = np.empty((robot.n_joints, len(driven)))
+    for joint in driven.tolist():
+        A = np.concatenate([
+            s.smoothed(np.hstack(s.terms(robot, joint)))[s.valid] for _, s in prepared
+        ])  # fmt: skip
+        left = tau[:, driven] - A @ np.linalg.lstsq(A, tau[:, driven], rcond=None)[0]
+        misfit[joint] = np.linalg.norm(left, axis=0)
+    best = linear_sum_assignment(np.log(misfit[driven]))[1]
+    moved = driven[best] != driven
+    if moved.sum() > 2:
+        assigned = np.arange(robot.n_joints)
+        assigned[driven] = driven[best]
+        listed = ", ".join(str(channel + 1) for channel in assigned[driven[moved]])
+        axes, torques = tuple(driven[moved].tolist()), tuple(assigned.tolist())
+        words = f"torques in another order, those of axes {listed}"
+        yield "two torques exchanged", axes, words, replace(stated, torques=torques)
+
+
+def _several_signs(
+    stated: Explained,
+) -> Iterator[tuple[str, tuple[int, ...], str, Reading]]:
+    """Yield the likeliest reading with wrong signs of several torques, but not of all."""
+    reading = likeliest_signs(stated, TOGETHER)
+    axes = tuple(np.flatnonzero(reading.sign_tau < 0).tolist())
+    if 1 < len(axes) < np.count_nonzero(stated.counts):
+        cause = "wrong sign of a torque"
+        yield cause, axes, CAUSES[cause].words, reading
 
 
 def _no_worse(stated: Explained, other: _Other) -> bool:

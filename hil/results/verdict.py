@@ -297,7 +297,7 @@ def _one_way(model: Model) -> Iterator[Reservation]:
         if axis is not None and axis.one_way is not None:
             yield doubtful(
                 f"axis {number} {axis.one_way} {model.robot.torque_unit(number - 1)}",
-                "add recordings in both directions",
+                "add recordings of faster motion in both directions",
             )
 
 

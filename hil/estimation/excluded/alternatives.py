@@ -490,6 +490,39 @@ def discrete(robot: Robot, evidence: Evidence) -> Iterator[tuple[str, tuple[int,
         yield "no gravity", (), replace(stated, gravity=np.zeros(3))
 
 
+def likeliest_signs(stated: Explained, alike: float) -> Reading:
+    """Return the reading with those signs of torques that leave the least misfit.
+
+    Weights are those of separate base parameters for each axis, on which no sign has an effect. Of
+    signs within a misfit of `alike`, the fewest changed ones are returned, or their opposites, if
+    these have less negative energies.
+    """
+    reading, of = Reading.stated(stated.robot), (stated.robot, stated.evidence)
+    as_is, turned = (
+        Normal.split(_columns(*of, replace(reading, sign_tau=sign), stated.more).blocks.products[0])
+        for sign in (reading.sign_tau, -reading.sign_tau)
+    )
+    # 4096 patterns at most
+    axes, counts = np.flatnonzero(stated.counts > 0)[:12], np.maximum(stated.counts, 1.0)
+    left = as_is.square - np.sum(as_is.v * solve_each(as_is.N, as_is.v), axis=1)
+    weight = counts / np.maximum(left, counts * stated.evidence.least)
+    signs = np.array(list(product((False, True), repeat=len(axes))))
+    v, square = (
+        weight @ own + signs @ (weight[:, None] * (other - own))[axes]
+        for own, other in ((as_is.v, turned.v), (as_is.square[:, None], turned.square[:, None]))
+    )
+    N = np.tensordot(weight, as_is.N, axes=1)
+    misfit = square[:, 0] - np.sum(v * solve_each(N[None], v), axis=1)
+    signs = signs[misfit - misfit.min() <= alike]
+    wrong = signs[np.argmin(signs.sum(axis=1))]
+    found = []
+    for each in (wrong, ~wrong):
+        sign = reading.sign_tau.copy()
+        sign[axes] = np.where(each, -1.0, 1.0)
+        found.append(replace(reading, sign_tau=sign))
+    return min(found, key=lambda each: stated.instead(each).negative)
+
+
 def _searched(
     stated: Explained, read: Callable[[float], Reading], starts: list[float], least: float
 ) -> tuple[float, float, Explained] | None:

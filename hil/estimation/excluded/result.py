@@ -247,5 +247,5 @@ class ErrorTerm(FileModel):
 
 def located(axes: Sequence[int], words: str) -> str:
     """Prefix words with the axes concerned, from 1."""
-    which = " and ".join(map(str, axes))
+    which = (" and " if len(axes) == 2 else ", ").join(map(str, axes))
     return f"{'axis' if len(axes) == 1 else 'axes'} {which}: {words}" if which else words

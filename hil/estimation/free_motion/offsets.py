@@ -60,7 +60,7 @@ def enlarge_covariance(
     -------
     V : ndarray
     axes : list of int
-        Axes with an offset significantly above s, from 0. An axis at rest shows no friction.
+        Axes with an offset significantly above s, from 0.
     """
     unusual, n_shared = [], len(layout.shared)
     half, still = np.array([0.5, -0.5]), np.zeros(2)
@@ -80,7 +80,7 @@ def enlarge_covariance(
         if explained / float(V[place, place]) >= 0.9:
             tail = SIGNIFICANT / 2.0 / layout.n_channels  # one family of tests
             t = special.stdtrit(degrees[place], 1.0 - tail)
-            if s > 0.0 and abs(x[place]) > s + t * np.sqrt(V[place, place]):
+            if abs(x[place]) > s + t * np.sqrt(V[place, place]):
                 unusual.append(axis)
             way = metric[:, place] / metric[place, place]
             V = V + more * np.outer(way, way)

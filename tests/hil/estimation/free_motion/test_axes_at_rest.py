@@ -63,6 +63,13 @@ def test_motions_with_the_axis_at_rest_are_predicted(monkeypatch, axis, lost, fl
     assert np.all(np.abs(wrong[:, 1 - axis]) < 5.0 * error.max())
 
 
+def test_static_friction_of_an_axis_at_rest_is_no_unusual_offset(monkeypatch):
+    data, _ = recordings(monkeypatch, arm(), 1, 8e-5)
+    for _, recording in data:
+        recording.tau[:, 1] += 1.0
+    assert estimate(arm(), data, "free motion").details.unusual == ()
+
+
 @pytest.mark.parametrize("flicker", [0.0, 8e-5])
 def test_the_torque_of_an_axis_held_by_its_brake_is_not_used(monkeypatch, flicker):
     robot = arm()
