@@ -113,7 +113,9 @@ def test_such_a_model_is_doubtful_and_says_to_move_in_both_directions(tmp_path: 
     outcome = model_of(tmp_path, SPEEDS).verdict
     assert outcome is not None
     assert outcome.word == "doubtful"
-    assert outcome.reason.startswith("axis 1 moves beyond its dead zone in one direction only, so Coulomb friction and")
+    assert outcome.reason.startswith(
+        "axis 1 moves beyond its dead zone in one direction only, so Coulomb friction and"
+    )
     assert re.search(r"together they are 1\.3 ± 0\.\d+ N m$", outcome.reason)
     assert outcome.remedy == "add recordings of faster motion in both directions"
 
