@@ -66,7 +66,7 @@ HALF_WIDTH = 0.02
 _MARGIN = 3
 """Samples read beyond a grid: two for the slopes of its cubics, and one for rounding."""
 _LENGTH = 10.0
-"""Maximum duration of an excerpt [s]."""
+"""Usual duration of an excerpt [s]."""
 _SAME = 1e-3
 """Distance from a grid counted as zero, in periods: a tenth of `instants.EVEN`."""
 
@@ -130,20 +130,22 @@ def _resample(instants: Array, values: Array, grid: Array, period: float) -> Arr
     return resampled(instants, values, grid)
 
 
-def excerpts_of(samples: Samples, pieces: Sequence[Piece]) -> list[Excerpt]:
-    """Return excerpts from the middle of evenly chosen pieces.
+def excerpts_of(
+    samples: Samples, pieces: Sequence[Piece], longest: float = _LENGTH
+) -> list[Excerpt]:
+    """Return excerpts of at most `longest` seconds from the middle of evenly chosen pieces.
 
     For joints at rest in them, those parts of all pieces are added in which they move most.
     """
     # 24 excerpts at most
     chosen = sorted({round(k) for k in np.linspace(0, len(pieces) - 1, min(24, len(pieces)))})
-    parts = [_middle(pieces[k]) for k in chosen]
+    parts = [_middle(pieces[k], longest) for k in chosen]
     values = [even_samples(samples, part) for part in parts]
     extents = [
         extent(q, part.stretch.period) for part, (q, _, _) in zip(parts, values, strict=True)
     ]
     if not (moves := moving(extents)).all():
-        others = [part for piece in pieces for part in _parts(piece)]
+        others = [part for piece in pieces for part in _parts(piece, longest)]
         ways = [np.ptp(even_samples(samples, part)[0][:, ~moves], axis=0) for part in others]
         parts += [others[k] for k in sorted(set(np.argmax(ways, axis=0).tolist()))]
         values += [even_samples(samples, part) for part in parts[len(values) :]]
@@ -157,14 +159,14 @@ def excerpts_of(samples: Samples, pieces: Sequence[Piece]) -> list[Excerpt]:
     return sorted(found, key=lambda each: each.begin)
 
 
-def _middle(piece: Piece) -> Piece:
-    n = min(piece.n, round(_LENGTH / piece.stretch.period) + 1)
+def _middle(piece: Piece, longest: float) -> Piece:
+    n = min(piece.n, round(longest / piece.stretch.period) + 1)
     return Piece(piece.stretch, piece.first + (piece.n - n) // 2, n)
 
 
-def _parts(piece: Piece) -> list[Piece]:
+def _parts(piece: Piece, longest: float) -> list[Piece]:
     """Cut a piece into excerpts."""
-    count = max(1, math.ceil(piece.duration / _LENGTH - 1e-6))
+    count = max(1, math.ceil(piece.duration / longest - 1e-6))
     edges = np.linspace(0, piece.n, count + 1).round().astype(int).tolist()
     return [Piece(piece.stretch, piece.first + a, b - a) for a, b in pairwise(edges)]
 

@@ -105,7 +105,7 @@ by means, of positions and torques alike.
 SPREAD = 4
 """Number of excerpts compared in addition to those with the most motion of a joint.
 
-An excerpt lasts at most ten seconds.
+An excerpt lasts ten seconds; of whole motions, at most a minute.
 """
 ORDINARY = (4 * np.pi * DEGREE, 4 * np.pi)
 """Ranges of joints that contradict a position in degrees stated as radians [rad].
@@ -144,7 +144,8 @@ def mechanical_suspicions(
     poor = share > UNEXPLAINED
     strangers = shown & (share > NOTHING)
     some = bool(poor[shown].any())
-    misread = list(_misread(robot, excerpts, prepared, solver, strangers, poor=some))
+    fast = bool(shown.any())
+    misread = list(_misread(robot, excerpts, prepared, solver, strangers, poor=some, fast=fast))
     yield from misread
     another = () if misread else list(clock_of_torques(excerpts, robot, shown))
     yield from another
@@ -194,11 +195,13 @@ def _misread(
     strangers: Mask,
     *,
     poor: bool,
+    fast: bool,
 ) -> Iterator[Suspicion]:
     """Yield a suspicion if another reading of the map explains the torques.
 
     Torques of `strangers`, shape (n_joints,), do not follow the motion of their axes. A `poor`
-    model of some axis permits that most columns are exchanged, or several signs wrong.
+    model of some axis permits that most columns are exchanged, or several signs wrong. Energies
+    count if motion is `fast`: some axis has accelerations beyond the noise of its position.
     """
     thin = measured(robot, solver, prepared).thinned(ROWS)[0].project_out_own()
     stated = explained(robot, thin, Reading.stated(robot))
@@ -207,7 +210,7 @@ def _misread(
     if (stated.counts[stated.counts > 0] < len(base_parameters(robot))).any():
         return
     astray = set(np.flatnonzero(strangers).tolist())
-    others = sorted(_others(stated), key=lambda each: -each.gain)
+    others = sorted(_others(stated, poor=poor), key=lambda each: -each.gain)
     # torques without gravity or without coupling prefer any greater or smaller rate
     rates = [each for each in others if each.cause == "sampling rate"]
     sure = bool(rates) and rates[0].words not in EDGES and _no_worse(stated, rates[0])
@@ -222,33 +225,40 @@ def _misread(
         exchanged.append((*others[0][2:5], others[0].explained.reading))
     if poor:
         exchanged += _reordered(robot, prepared)
-        exchanged += _several_signs(stated)
     # friction of exchanged axes follows another motion, so it is fitted anew
     tried = [
-        (_left(robot, excerpts, reading, solver, of_torques), cause, axes, words)
+        (*_left(robot, excerpts, reading, solver, cause, axes), cause, axes, words)
         for cause, axes, words, reading in exchanged
-        # torques of two axes leave the parameters of the others as they are
-        for of_torques in [axes if "torque" in cause and len(axes) <= 2 else ()]
     ]
-    left, cause, axes, words = min(tried, default=(np.inf, "", (), ""))
+    total, left, cause, axes, words = min(tried, default=(np.inf, np.inf, "", (), ""))
     # against a possible map, an exchange must leave at most a ninth of the mean squares: on
     # recordings of an arm without a valid model other readings leave 0.22, the correct readings of
     # the maps in `benchmarks/wrong_maps.py` at most 0.07
-    if left <= (LEAVES if not stated.possible or astray.issuperset(axes) else EXPLAINS):
-        message = (
-            f"{located([axis + 1 for axis in axes], words)}: this correction leaves only "
-            f"{100 * left:.2g} % of the model's mean square residual; {CAUSES[cause].remedy}"
+    pair = len(axes) <= 2 and (not stated.possible or astray.issuperset(axes))
+    if left <= (LEAVES if pair else EXPLAINS):
+        rivals = [other for other in others[:1] if "exchanged" not in other.cause]
+        of_rivals = (
+            _left(robot, excerpts, each.explained.reading, solver, each.cause, each.axes)[0]
+            for each in rivals
         )
-        yield Suspicion("shape", ("joints", axes[0], *PLACES.get(cause, ())), message)
-        return
+        if total < min(of_rivals, default=np.inf):
+            message = (
+                f"{located([axis + 1 for axis in axes], words)}: this correction leaves only "
+                f"{100 * left:.2g} % of the model's mean square residual; {CAUSES[cause].remedy}"
+            )
+            yield Suspicion("shape", ("joints", axes[0], *PLACES.get(cause, ())), message)
+            return
     n = float(stated.counts[stated.counts > 0].mean())
     others = [each for each in others if "exchanged" not in each.cause and _no_worse(stated, each)]
     for other in others:
-        # friction that drives contradicts the map, so half of the mean square suffices
-        least = -n * float(np.log(LEAVES if other.brakes else EXPLAINS))
+        # friction that drives contradicts the map, and so do negative energies together with the
+        # misfit, so half of the mean square suffices
+        least, explains = -n * float(np.log(EXPLAINS)), stated.misfit - other.explained.misfit
+        cures = fast and not stated.possible and other.explained.possible and other.gain >= least
+        least = -n * float(np.log(LEAVES)) if other.brakes or cures else least
         # only the signs of all torques turn all energies, and leave the misfit as it is
-        energy = not other.axes and other.gain >= least and "torques" in other.cause
-        if other.brakes or energy or stated.misfit - other.explained.misfit >= least:
+        energy = not other.axes and other.gain >= least and "torques" in other.cause and fast
+        if other.brakes or energy or explains >= least:
             same = [each for each in others if other.gain - each.gain <= TOGETHER]
             same.sort(key=lambda each: rank_of(each.cause, *each.axes))
             yield _suspicion(stated, same[0], least, [each.named for each in same[1:]])
@@ -315,13 +325,14 @@ def _no_worse(stated: Explained, other: _Other) -> bool:
     return not common or bool((other.explained.left <= scatter * stated.left).all())
 
 
-def _others(stated: Explained) -> Iterator[_Other]:
+def _others(stated: Explained, *, poor: bool) -> Iterator[_Other]:
     """Yield the readings that explain the torques better, or as well without driving friction."""
+    several = _several_signs(stated) if poor else ()
     driven, most = int(stated.driven.argmax()), float(stated.driven.max())
     drives = most >= 1.0 - LEAVES
     stated_misfit = stated.misfit + stated.negative
     least = -TOGETHER if drives else TOGETHER
-    for cause, axes, words, reading in _readings(stated.robot, stated.evidence):
+    for cause, axes, words, reading in (*_readings(stated.robot, stated.evidence), *several):
         here = stated.instead_below(reading, stated_misfit - least)
         if here is not None and (here.possible or "exchanged" not in cause):
             gain = stated_misfit - here.misfit - here.negative
@@ -371,18 +382,25 @@ def _left(
     excerpts: Sequence[Excerpt],
     reading: Reading,
     solver: SimultaneousFit,
-    axes: tuple[int, ...] = (),
-) -> float:
-    """Return the share of the mean squares left by a reading after a full fit.
+    cause: str,
+    axes: tuple[int, ...],
+) -> tuple[float, float]:
+    """Return what a reading of `axes` leaves after a full fit: sum of logarithms, and share.
 
-    The share is the geometric mean over `axes`, by default over all axes with a motor: another
-    reading of an axis's torques does not change the equations of the other axes.
+    Logarithms are those of the mean squares of all axes with a motor, over the stated ones. The
+    share is the geometric mean, for exchanged torques over two axes only, as they do not change the
+    equations of the other axes. An order of more axes must explain the torques.
     """
     turned = robot.changed(gravity=tuple(reading.gravity.tolist()))
     read = [_motion(number, _read(each, reading)) for number, each in enumerate(excerpts)]
-    shares = np.log(solver.weight / SimultaneousFit(turned, read).weight)
-    driven = np.flatnonzero(np.any([each.tau.any(axis=0) for each in excerpts], axis=0))
-    return float(np.exp(shares[list(axes) if axes else driven].mean()))
+    weight = SimultaneousFit(turned, read).weight
+    tau = np.concatenate([s.smoothed(s.tau) for _, s in read])
+    driven = np.flatnonzero(tau.any(axis=0))
+    if len(axes) > 2 and np.median(1.0 / (weight * tau.var(axis=0))[driven]) > UNEXPLAINED:
+        return np.inf, np.inf
+    logs = np.log(solver.weight / weight)
+    of = axes if cause == "two torques exchanged" and len(axes) == 2 else driven
+    return float(logs[driven].sum()), float(np.exp(logs[[*of]].mean()))
 
 
 def _read(excerpt: Excerpt, reading: Reading) -> Excerpt:
@@ -446,7 +464,7 @@ def _readings(robot: Robot, thin: Evidence) -> Iterator[tuple[str, tuple[int, ..
         for size in sizes if np.any(robot.gravity) else ():
             reading = sized(robot, "gravity", -1, 0.0, heading)(size)
             towards = ", ".join(f"{each:.3g}" for each in reading.gravity)
-            yield "gravity", (), f"gravity points along [{towards}]", reading
+            yield "gravity", (), f"gravity points along [{towards}] in frame 0", reading
     for size, words in RATES.items() if np.any(robot.gravity) else ():
         yield "sampling rate", (), words, sized(robot, "sampling rate", -1)(size)
 

@@ -17,6 +17,7 @@ from hil.imports.rounded import rounded_torques
 from hil.imports.row_count import RowCount, recounted
 from hil.imports.samples import columns_of, positions_reached, read_samples
 from hil.imports.segments import (
+    LONGEST,
     SHORTEST,
     block_counts,
     blocks,
@@ -141,7 +142,8 @@ def interpret(
     spikes += clipped_positions(samples, timing.stretches, robot)
     _refuse(the_map, spikes)
     numbered = numbered_pieces(the_map, samples, timing)
-    excerpts = excerpts_of(samples, [piece for piece, _ in numbered])
+    pieces = [piece for piece, _ in numbered]
+    excerpts = excerpts_of(samples, pieces)
     alone = the_map.content.kind
     evidence = Evidence.join(excerpts)
     moving = None if alone is None else alone - 1
@@ -150,6 +152,7 @@ def interpret(
         excerpts, evidence, robot, moving, the_map.unknown_gains, the_map.passive,
         partial(positions_reached, samples, rows),
         the_map.content.time.rate if the_map.content.time else None,
+        partial(excerpts_of, samples, pieces, LONGEST),
     )  # fmt: skip
     found += rounded_torques(samples, rows, evidence.moves)
     # the following checks of the rate use the remaining rows only

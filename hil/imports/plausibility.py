@@ -49,6 +49,7 @@ def suspicions(
     passive: Sequence[int] = (),
     reached: Callable[[], tuple[Array, Array]] | None = None,
     rate: float | None = None,
+    whole: Callable[[], Sequence[Excerpt]] | None = None,
 ) -> list[Suspicion]:
     """Return all suspicions, certain ones first.
 
@@ -70,6 +71,9 @@ def suspicions(
         default.
     rate : float, optional
         Rate stated by the map [Hz], where it names no column of time.
+    whole : callable, optional
+        Function that returns excerpts of whole motions, by which mechanical suspicions are
+        confirmed.
     """
     ranges = range_suspicions(evidence, robot, unknown_gains, reached)
     found = [*unmeasurable(evidence), *_still(evidence, robot, alone, passive), *ranges]
@@ -105,9 +109,12 @@ def suspicions(
         # stated rotor inertias contradict torques of another unit or side
         shown = evidence.moves & ~coarse(evidence) & (np.ptp(evidence.tau, axis=0) > 0)
         # accelerations of a wrong or uneven rate contradict any map
-        found += (
-            () if unknown_gains or low or uneven else mechanical_suspicions(excerpts, robot, shown)
-        )
+        if not (unknown_gains or low or uneven):
+            misread_map = list(mechanical_suspicions(excerpts, robot, shown))
+            # slow motions show too little in excerpts
+            if misread_map and whole:
+                misread_map = list(mechanical_suspicions(whole(), robot, shown))
+            found += misread_map
     return sorted(found, key=lambda suspicion: not suspicion.certain)
 
 

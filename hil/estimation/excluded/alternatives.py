@@ -272,6 +272,15 @@ class Alternative(NamedTuple):
     explained: Explained
     instant: float = 0.0
 
+    @property
+    def chi_square(self) -> float:
+        """Square of the size over its error: of a factor, by its logarithm as well."""
+        factor = 1.0 + self.size / 100.0
+        ratio = 1.0
+        if CAUSES[self.cause].unit == "%" and 0.0 < factor < 1.0:
+            ratio = 100.0 * factor * float(np.log(factor)) / self.size
+        return (ratio * self.size / max(self.error, np.finfo(float).tiny)) ** 2
+
 
 def explained(
     robot: Robot,

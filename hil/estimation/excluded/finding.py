@@ -398,13 +398,8 @@ class _Instead:
         return bool(self._deviation and self._deviation.significant(self._thin[0], residual))
 
     def _restores(self, deviation: Deviation, each: Alternative) -> bool:
-        """Return True if a reading makes later recordings similar to the earlier ones.
-
-        A size must be as significant as that of a column.
-        """
-        read, sized = each.explained, not np.isnan(each.size)
-        if sized and not each.size**2 > chance(1, len(self.tests)) * each.error**2:
-            return False
+        """Return True if a reading makes later recordings similar to the earlier ones."""
+        read = each.explained
         left = float((read.left / self._stated.left).min())
         return left <= LEAVES and not deviation.significant(self._thin[0], read.residual)
 
@@ -449,6 +444,8 @@ class _Instead:
         every = [
             (self._gain(each.explained, int(not np.isnan(each.size))), each)
             for each in alternatives(self._stated, self.first.sizes, slipped)
+            # a size must be as significant as that of a column
+            if np.isnan(each.size) or each.chi_square > chance(1, len(self.tests))
             if self._deviation is None or self._restores(self._deviation, each)
         ]
         best = max((gain for gain, _ in every), default=-np.inf)

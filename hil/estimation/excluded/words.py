@@ -78,6 +78,7 @@ def describe_reading(robot: Robot, each: Alternative) -> str:
     unit = cause.unit_of(robot, each.axes[0] if each.axes else -1)
     if each.cause == "gravity":
         gravity = ", ".join(f"{x:.3g}" for x in each.explained.reading.gravity.round(2) + 0.0)
-        return f"{cause.sized(abs(each.size), each.error, unit)}, pointing along [{gravity}]"
+        sized = cause.sized(abs(each.size), each.error, unit)
+        return f"{sized}, pointing along [{gravity}] in frame 0 of the run's robot.yaml"
     after = f" after some {each.instant / 60:.0f} min" if each.cause == "slip" else ""
     return cause.sized(each.size, each.error, unit) + after

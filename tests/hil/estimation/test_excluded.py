@@ -262,7 +262,7 @@ def test_gravity_that_comes_from_elsewhere_is_found(robot: Robot, good: FreeReco
     first, *_ = found_in(parse_robot(leaning, "leaning.yaml"), good)
     assert first.cause == "gravity"
     assert re.search(r"error (58|59|60|61)\.?\d* ± ", first.detail), first.detail
-    (vector,) = re.findall(r"pointing along \[(.*)\]", first.detail)
+    (vector,) = re.findall(r"pointing along \[(.*)\] in frame 0", first.detail)
     found = np.array([float(each) for each in vector.split(", ")])
     assert np.linalg.norm(found - robot.gravity) < 0.03 * np.linalg.norm(robot.gravity)
 

@@ -116,8 +116,41 @@ def test_columns_in_the_alphabetical_order_of_the_joints(seen, manutec):
     )
     assert place == ("joints", 0)
     assert message == (
-        "axes 1 and 2 and 3 and 4: columns in the alphabetical order of the joints' names"
+        "axes 1, 2, 3, 4: columns in the alphabetical order of the joints' names"
     )
+
+
+def test_columns_in_reverse_order(seen, manutec):
+    ((place, message),) = said(seen, manutec, q=seen.q[:, ::-1], tau=seen.tau[:, ::-1])
+    assert place == ("joints", 0)
+    assert message == "axes 1, 2, 3, 4, 5, 6: columns in reverse order"
+
+
+def test_torques_in_the_columns_of_their_neighbours(seen, manutec):
+    ((place, message),) = said(seen, manutec, tau=np.roll(seen.tau, 1, axis=1))
+    assert place == ("joints", 0, "torque", "column")
+    assert message == (
+        "axes 1, 2, 3, 4, 5, 6: torques in another order, those of axes 2, 3, 4, 5, 6, 1"
+    )
+
+
+@pytest.mark.parametrize("axes", [[0, 1, 3], [1, 2]])
+def test_torques_of_several_axes_with_the_wrong_sign(seen, manutec, axes):
+    tau = seen.tau.copy()
+    tau[:, axes] *= -1
+    ((place, message),) = said(seen, manutec, tau=tau)
+    assert place == ("joints", axes[0], "torque", "sign")
+    listed = (" and " if len(axes) == 2 else ", ").join(str(axis + 1) for axis in axes)
+    assert message == f"axes {listed}: wrong sign of the torque"
+
+
+def test_a_base_that_moves_is_no_order_of_columns(seen, manutec):
+    """The recordings of axes 2 to 6, and a robot file without axis 1."""
+    content = yaml.safe_load(manutec.text)
+    del content["joints"][0], content["ties"]
+    robot = parse_robot(yaml.safe_dump(content, sort_keys=False), "")
+    found = said(seen, robot, q=seen.q[:, 1:], tau=seen.tau[:, 1:], qd=seen.qd[:, 1:])
+    assert not any("order" in message for _, message in found)
 
 
 def test_gravity_is_not_turned_for_one_axis_at_the_expense_of_others(seen, manutec):
@@ -164,7 +197,7 @@ def test_gravity_from_another_side(seen, manutec, stated):
     text = re.sub(r"^gravity: \[.*?\]", f"gravity: {stated}", manutec.text, flags=re.MULTILINE)
     ((place, words),) = said(seen, parse_robot(text, "tilted.yaml"))
     assert place == ("robot",)
-    assert re.fullmatch(r"gravity points along \[\S+, \S+, -9.81\]", words)
+    assert re.fullmatch(r"gravity points along \[\S+, \S+, -9.81\] in frame 0", words)
 
 
 @pytest.mark.parametrize(
