@@ -143,9 +143,8 @@ def mechanical_suspicions(
         return
     poor = share > UNEXPLAINED
     strangers = shown & (share > NOTHING)
-    some = bool(poor[shown].any())
     fast = bool(shown.any())
-    misread = list(_misread(robot, excerpts, prepared, solver, strangers, poor=some, fast=fast))
+    misread = list(_misread(robot, excerpts, prepared, solver, strangers, poor & shown, fast=fast))
     yield from misread
     another = () if misread else list(clock_of_torques(excerpts, robot, shown))
     yield from another
@@ -193,15 +192,16 @@ def _misread(
     prepared: Prepared,
     solver: SimultaneousFit,
     strangers: Mask,
+    poor: Mask,
     *,
-    poor: bool,
     fast: bool,
 ) -> Iterator[Suspicion]:
     """Yield a suspicion if another reading of the map explains the torques.
 
-    Torques of `strangers`, shape (n_joints,), do not follow the motion of their axes. A `poor`
-    model of some axis permits that most columns are exchanged, or several signs wrong. Energies
-    count if motion is `fast`: some axis has accelerations beyond the noise of its position.
+    Masks have the shape (n_joints,). Torques of `strangers` do not follow the motion of their axes.
+    A `poor` model of some axis permits that several signs are wrong, and of most axes another order
+    of all columns. Energies count if motion is `fast`: some axis has accelerations beyond the noise
+    of its position.
     """
     thin = measured(robot, solver, prepared).thinned(ROWS)[0].project_out_own()
     stated = explained(robot, thin, Reading.stated(robot))
@@ -210,7 +210,7 @@ def _misread(
     if (stated.counts[stated.counts > 0] < len(base_parameters(robot))).any():
         return
     astray = set(np.flatnonzero(strangers).tolist())
-    others = sorted(_others(stated, poor=poor), key=lambda each: -each.gain)
+    others = sorted(_others(stated, poor=bool(poor.any())), key=lambda each: -each.gain)
     # torques without gravity or without coupling prefer any greater or smaller rate
     rates = [each for each in others if each.cause == "sampling rate"]
     sure = bool(rates) and rates[0].words not in EDGES and _no_worse(stated, rates[0])
@@ -223,7 +223,7 @@ def _misread(
     ]
     if others and "exchanged" in others[0].cause:
         exchanged.append((*others[0][2:5], others[0].explained.reading))
-    if poor:
+    if np.median(poor) > 0.5:
         exchanged += _reordered(robot, prepared)
     # friction of exchanged axes follows another motion, so it is fitted anew
     tried = [

@@ -62,7 +62,10 @@ def verdict(
     own = isinstance(model.details, FreeMotionFit)
     large = tuple(unexplained(left, limit, accuracy, own_friction=own))
     late = tuple(_late(model, large))
-    doubts = *reservations(RULES, model), *(late if large else ()), *large
+    doubts = (
+        *reservations(OF_MISTAKES, model), *(late if large else ()), *large,
+        *reservations(OF_MODELS, model),
+    )  # fmt: skip
     doubts = *_first(model, doubts), *doubts
     found = doubts or tuple(_good(model, usual_effect))
     remains = *(() if large else late), *(() if left is None else (good(str(left)),))
@@ -335,9 +338,9 @@ OF_DATA: tuple[Rule[Model], ...] = (
     ),
 )
 """Rules on the measurements of a model, independent of its use."""
-RULES: tuple[Rule[Model], ...] = (
-    _found, _doubted, _free_motions, _unexcited, _impossible, _judge_edges, *OF_DATA, _causes,
-)  # fmt: skip
+OF_MISTAKES: tuple[Rule[Model], ...] = (_found, _doubted, _free_motions)
+"""Rules on what may be wrong with recordings and map, and so leave a residual."""
+OF_MODELS: tuple[Rule[Model], ...] = (_unexcited, _impossible, _judge_edges, *OF_DATA, _causes)
 
 
 EVERY = "torques of all axes"

@@ -51,7 +51,7 @@ STARTS = {
     "joint offset": tuple(np.arange(-135.0, 181.0, 45.0)),
     "gear ratio": (-50.0, -20.0, 25.0, 100.0),
     "position scale": (-98.25, -50.0, -10.0, 10.0, 100.0),
-    "torque constant": (-50.0, -29.3, 30.0, 41.4, 100.0),
+    "torque constant": (-75.0, -66.7, -50.0, -29.3, 30.0, 41.4, 100.0, 200.0, 300.0),
     "slip": (-20.0, -5.0, 5.0, 20.0),
     "gravity": (-90.0, -30.0, 30.0, 90.0, 180.0),
     "sampling rate": (
@@ -60,8 +60,8 @@ STARTS = {
     ),
 }
 """Start values of the searches. Torques are sinusoids of angles; degrees in place of radians are
-too large by a factor of 57, peak values in place of rms values by 41 %. Rates are preferred numbers
-in steps of 1.25.
+too large by a factor of 57, peak values in place of rms values by 41 %; up to four phases or
+motors may be left out or counted twice. Rates are preferred numbers in steps of 1.25.
 """
 
 

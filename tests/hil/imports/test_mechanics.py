@@ -115,9 +115,7 @@ def test_columns_in_the_alphabetical_order_of_the_joints(seen, manutec):
         seen, robot, q=seen.q[:, alphabetical], tau=seen.tau[:, alphabetical]
     )
     assert place == ("joints", 0)
-    assert message == (
-        "axes 1, 2, 3, 4: columns in the alphabetical order of the joints' names"
-    )
+    assert message == ("axes 1, 2, 3, 4: columns in the alphabetical order of the joints' names")
 
 
 def test_columns_in_reverse_order(seen, manutec):
