@@ -148,7 +148,7 @@ def mechanical_suspicions(
     yield from misread
     another = () if misread else list(clock_of_torques(excerpts, robot, shown))
     yield from another
-    if not misread and not another and np.median(poor) > 0.5:
+    if not misread and not another and np.median(poor) >= 0.5:
         yield from _late(robot, prepared, solver, shown)
 
 
@@ -199,7 +199,7 @@ def _misread(
     """Yield a suspicion if another reading of the map explains the torques.
 
     Masks have the shape (n_joints,). Torques of `strangers` do not follow the motion of their axes.
-    A `poor` model of some axis permits that several signs are wrong, and of most axes another order
+    A `poor` model of some axis permits that several signs are wrong, and of half of them another order
     of all columns. Energies count if motion is `fast`: some axis has accelerations beyond the noise
     of its position.
     """
@@ -223,7 +223,7 @@ def _misread(
     ]
     if others and "exchanged" in others[0].cause:
         exchanged.append((*others[0][2:5], others[0].explained.reading))
-    if np.median(poor) > 0.5:
+    if np.median(poor) >= 0.5:
         exchanged += _reordered(robot, prepared)
     # friction of exchanged axes follows another motion, so it is fitted anew
     tried = [
