@@ -41,7 +41,7 @@ def show(name: RobotName) -> None:
 def new(
     output: Annotated[Path, output_option(new_file, "Robot file to write.")],
     urdf: Annotated[
-        Path | None, typer.Option("--urdf", help="URDF file; expand a xacro file first.")
+        Path | None, typer.Option("--urdf", help="URDF or MJCF; expand a xacro file first.")
     ] = None,
     dh: Annotated[
         Path | None,
@@ -53,13 +53,13 @@ def new(
     ] = None,
     base: Annotated[
         str | None,
-        typer.Option("--from", help="Base link of the URDF; its root by default."),
+        typer.Option("--from", help="Base link; the root by default."),
     ] = None,
     tip: Annotated[
         str | None,
         typer.Option(
             "--to",
-            help="Last link of the URDF, or several separated by commas; by default that of the"
+            help="Last link, or several separated by commas; by default that of the"
             " longest chain, or all of a tree.",
         ),
     ] = None,
@@ -72,7 +72,7 @@ def new(
         ),
     ] = None,
 ) -> None:
-    """Write a first robot file from a URDF or a table, and list what to fill in."""
+    """Write a first robot file from a URDF, an MJCF or a table, and list what to fill in."""
     from checked_files.yaml_file import UNSTATED
     from hil.runs.atomic_file import write_file
 
@@ -95,11 +95,11 @@ def new(
 def _draft_from_urdf(
     urdf: Path, base: str | None, tip: str | None, gravity: tuple[float, float, float] | None
 ) -> tuple[str, str, float]:
-    """Draft a robot file from a URDF: text, description, and rounding of angles [rad]."""
+    """Draft a robot file from a URDF or MJCF: text, description, and rounding of angles [rad]."""
     from hil.model.readers.robot_draft import draft_robot
-    from hil.model.readers.urdf import read_urdf
+    from hil.model.robot import read_description
 
-    chain = read_urdf(urdf, base, tip)
+    chain = read_description(urdf, base, tip)
     joints = ", ".join(joint.name for joint in chain.joints)
     about = [f"{len(chain.joints)} joints from {chain.base} to {chain.tip}: {joints}"]
     found = "\n".join([*about, *chain.not_taken])

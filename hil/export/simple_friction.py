@@ -38,7 +38,7 @@ if TYPE_CHECKING:
 
 
 NOTABLE = 1e-6
-"""Smallest offset, as a share of friction, that is not rounding."""
+"""Smallest part, as a share of friction, that is not rounding."""
 COASTS = 0.01
 """Allowed relative error of distances to rest: half of 2 %, the rest is for the time step."""
 SLOW = 0.2
@@ -198,6 +198,8 @@ def _coasting(v: Array, odd: Array, even: Array, plain: Quadratic) -> Quadratic:
         return errors(scale * x)
 
     found = scale * optimize.least_squares(scaled, start / scale, bounds=(low, np.inf)).x
+    if found[2] * v[-1] ** 2 <= NOTABLE * odd.max():  # not beyond the rounding of the bound
+        found[2] = 0.0
     c, b, d, constant = found.tolist()
     nearer = np.abs(errors(found)).max() < np.abs(errors(start)).max()
     if not nearer or (b < 0 and b**2 >= 4 * c * d):
@@ -256,17 +258,20 @@ def misfits(model: Model, simple: tuple[SimpleFriction, ...], state: str = "") -
 
 
 def damping_remarks(model: Model) -> Iterator[str]:
-    """Yield the axes whose damping has three coefficients, with their misfit."""
+    """Yield the axes whose friction is chosen for coasting, with the misfit."""
     for each in friction_of_joints(model):
-        if each is not None and each.coasting.quadratic:
-            c, *_, misfit = each.coasting
-            unit = model.robot.torque_unit(each.axis)
-            yield (
-                f"axis {each.axis + 1}: frictionloss {significant(c, 3)} {unit} and a polynomial "
-                "of damping (MuJoCo 3.7 or later), with which simulated coasting is right, miss "
-                f"the law by {significant(misfit, 2)} {unit} rms; for other simulators write the "
-                "Coulomb and viscous friction stated for this axis"
-            )
+        if each is None or each.coasting[:2] == (each.coulomb, each.viscous):
+            continue
+        c, b, d, _, misfit = each.coasting
+        unit = model.robot.torque_unit(each.axis)
+        damping = f"damping {significant(b, 3)} {unit} s/{model.robot.position_unit(each.axis)}"
+        if d:
+            damping = "a polynomial of damping (MuJoCo 3.7 or later)"
+        yield (
+            f"axis {each.axis + 1}: frictionloss {significant(c, 3)} {unit} and {damping}, with "
+            f"which simulated coasting is right, miss the law by {significant(misfit, 2)} {unit} "
+            "rms; for other simulators write the Coulomb and viscous friction stated for this axis"
+        )
 
 
 def _offsets(model: Model, simple: tuple[SimpleFriction, ...], place: str) -> Iterator[str]:

@@ -24,7 +24,7 @@ from checked_files.xml_file import XmlFile
 from checked_files.yaml_file import FileError, parse_yaml, place, problems, read_text, refuse
 from hil.errors import InvalidValue, UnknownName
 from hil.model.drive_train_file import UNKNOWN
-from hil.model.readers.robot_draft import NOT_TAKEN, mjcf_as_stated, robot_as_stated
+from hil.model.readers.robot_draft import NOT_TAKEN, robot_as_stated
 from hil.model.readers.urdf import read_urdf
 from hil.model.robot_arrays import RobotArrays
 from hil.model.robot_file import EARTH, LINK_PARAMETERS, RobotFile, split_tie
@@ -269,44 +269,22 @@ def load_description(
 
     Parameters and errors are those of `Robot.load`.
     """
-    if XmlFile(path).root.tag != "mujoco":
-        return robot_from_urdf(path, base, tip, gravity)
-    from hil.model.readers.mjcf import read_mjcf  # noqa: PLC0415 - MuJoCo is an extra
-
-    chain = read_mjcf(path, base, tip)
-    return parse_robot(mjcf_as_stated(chain, gravity), str(path))
-
-
-def robot_from_urdf(
-    path: Path | str,
-    base: str | None = None,
-    tip: str | None = None,
-    gravity: Sequence[float] | None = None,
-) -> Robot:
-    """Create a robot from the chain between two links of a URDF, or a tree.
-
-    Parameters
-    ----------
-    path : path
-    base, tip : str, optional
-        Names of links, as in `Robot.load`.
-    gravity : sequence of three floats, optional
-        Gravity in the link `base` [m/s^2]; by default that of the earth along -z of the URDF's
-        root.
-
-    Raises
-    ------
-    FileError
-        The file is not a URDF, a link does not exist, a joint of the chain cannot be driven
-        independently, or a joint above the chain leaves gravity undetermined.
-    """
-    chain = read_urdf(path, base, tip)
+    chain = read_description(path, base, tip)
     try:
         return parse_robot(robot_as_stated(chain, gravity), str(path))
     except FileError as error:
         raise FileError(
             "\n".join(_locate_in_urdf(chain, line) for line in str(error).split("\n"))
         ) from error
+
+
+def read_description(path: Path, base: str | None = None, tip: str | None = None) -> UrdfChain:
+    """Read the joints of a URDF or an MJCF; parameters and errors are those of `Robot.load`."""
+    if XmlFile(path).root.tag != "mujoco":
+        return read_urdf(path, base, tip)
+    from hil.model.readers.mjcf import read_mjcf  # noqa: PLC0415 - MuJoCo is an extra
+
+    return read_mjcf(path, base, tip)
 
 
 def _locate_in_urdf(chain: UrdfChain, problem: str) -> str:
@@ -326,9 +304,9 @@ def refuse_unknown(robot: Robot) -> None:
     wrong = list(unknown_for_motion(robot))
     if wrong and robot.source.lower().endswith(DESCRIPTIONS):
         raise FileError(
-            f"{robot.source}: a URDF states no gears, torque constants and accelerations, which"
-            f" motions need; write a robot file from it with: hil robot new --urdf {robot.source}"
-            f" -o {Path(robot.source).stem}.yaml"
+            f"{robot.source}: no URDF or MJCF states gears, torque constants and accelerations,"
+            " which motions need; write a robot file from it with: hil robot new --urdf "
+            f"{robot.source} -o {Path(robot.source).stem}.yaml"
         )
     refuse(robot.source, robot.text, wrong)
 

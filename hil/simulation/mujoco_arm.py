@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from checked_files.yaml_file import FileError
 from hil.export.mjcf_file import IMPEDANCE, STEP, write_mjcf
 from hil.optional_packages import needed_for
 from hil.results.consistency import find_consistent_robot
@@ -23,18 +24,27 @@ if TYPE_CHECKING:
     from hil.simulation.arm import Drive, Start
 
 
+OLDEST = (3, 7)
+"""First MuJoCo that reads a polynomial of damping."""
+
+
 class MujocoArm:
     """Nearest physically consistent robot of a model, in MuJoCo.
 
     Raises
     ------
     FileError
-        MuJoCo is not installed.
+        MuJoCo is not installed, or older than `OLDEST`.
     """
 
     def __init__(self, model: Model, step: float = STEP) -> None:
         with needed_for("the simulator mujoco", "mujoco"):
             import mujoco  # noqa: PLC0415 - optional, and slow to load
+        if tuple(map(int, mujoco.__version__.split(".")[:2])) < OLDEST:
+            raise FileError(
+                f"the simulator mujoco: version {mujoco.__version__} must be at least "
+                f"{'.'.join(map(str, OLDEST))}: pip install -U mujoco"
+            )
         self._mujoco, self._step = mujoco, step
         bodies = model if model.consistent is not None else find_consistent_robot(model)
         (text,) = write_mjcf(bodies, ()).files.values()

@@ -60,9 +60,9 @@ def sized_bodies(robot: Robot) -> Array:
     On motions through the full ranges, speeds and accelerations the most loaded axis just reaches
     its torque limit.
     """
-    base = base_parameters(robot)
-    present = [name in robot.present for name in robot.standard_parameters]
-    p = base.matrix @ (likely_bodies(robot).ravel() * present)
+    present = [name in robot.present for name in robot.link_parameters]
+    matrix = base_parameters(robot).matrix[:, : len(present)]
+    p = matrix @ (likely_bodies(robot).ravel() * present)
     most = np.abs(inverse_dynamics(robot, p, *whole_range(robot))).max(axis=0)
     sized: Array = p / (most / robot.torque_limit).max()
     return sized

@@ -16,7 +16,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 
@@ -67,6 +67,16 @@ class MjcfChain(UrdfChain):
     dofs: tuple[int, ...]
     stated_gravity: tuple[float, ...]
     springs: tuple[int, ...]
+    format: ClassVar[str] = "an MJCF"
+
+    def further_lines(self) -> tuple[str, ...]:
+        """Return the line of springs of a robot file."""
+        springs = ", ".join(f"{{joint: {joint}}}" for joint in self.springs)
+        return (f"springs: [{springs}]",) if springs else ()
+
+    def gravity(self, stated: Sequence[float] | None = None) -> Array:
+        """Return gravity in the world frame, by default that of the file, shape (3,) [m/s^2]."""
+        return np.array(self.stated_gravity if stated is None else stated, dtype=float)
 
 
 def read_mjcf(path: str | Path, base: str | None = None, tip: str | None = None) -> MjcfChain:

@@ -1,4 +1,4 @@
-"""Draft of a robot file from a URDF or a table: frames, limits, and marks for missing values.
+"""Draft of a robot file from a URDF, an MJCF or a table: frames, limits, marks for missing values.
 
 A URDF contains no gears, rotors, torque constants and accelerations, and a table of
 Denavit-Hartenberg parameters usually only frames. The user replaces the marks of the missing
@@ -32,7 +32,6 @@ if TYPE_CHECKING:
     from hil.model.readers.axes_to_frames import Frames
     from hil.model.readers.dh_table import DhRobot
     from hil.model.readers.limits import LimitedJoint
-    from hil.model.readers.mjcf import MjcfChain
 
     _Rest = Callable[[LimitedJoint], Iterator[str]]
 
@@ -52,10 +51,11 @@ def draft_robot(source: UrdfChain | DhRobot, gravity: Sequence[float] | None = N
     Parameters
     ----------
     source : UrdfChain or DhRobot
-        Chain of a URDF, or table.
+        Chain of a URDF or MJCF, or table.
     gravity : sequence of three floats, optional
-        Gravity in the URDF's base link, or in the table's frame 0 [m/s^2]. By default that of the
-        earth: along -z of the URDF's root, turned by the joints above the base link, or of frame 0.
+        Gravity in the URDF's base link, in the MJCF's world, or in the table's frame 0 [m/s^2]. By
+        default that of the MJCF, or of the earth: along -z of the URDF's root, turned by the joints
+        above the base link, or of frame 0.
 
     Raises
     ------
@@ -64,7 +64,7 @@ def draft_robot(source: UrdfChain | DhRobot, gravity: Sequence[float] | None = N
     """
     if isinstance(source, UrdfChain):
         title = [
-            comment(f"Robot {_ends(source)}, drafted from a URDF."),
+            comment(f"Robot {_ends(source)}, drafted from {source.format}."),
             *_warn_of_loops(source),
             *_ABOUT_MARKS,
         ]
@@ -80,18 +80,14 @@ def draft_robot(source: UrdfChain | DhRobot, gravity: Sequence[float] | None = N
     return _text(source, gravity, title, _limits_to_state)
 
 
-def robot_as_stated(
-    chain: UrdfChain, gravity: Sequence[float] | None = None, format_: str = "URDF"
-) -> str:
-    """Convert a URDF to a robot file with unknown values, sufficient for identification.
+def robot_as_stated(chain: UrdfChain, gravity: Sequence[float] | None = None) -> str:
+    """Convert a URDF or MJCF to a robot file with unknown values, sufficient for identification.
 
     Parameters
     ----------
     chain : UrdfChain
     gravity : sequence of three floats, optional
         As in `draft_robot`.
-    format_ : str
-        Format of the chain's source.
 
     Raises
     ------
@@ -99,25 +95,11 @@ def robot_as_stated(
         As in `draft_robot`.
     """
     title = [
-        comment(f"Robot {_ends(chain)}, from its {format_}."),
+        comment(f"Robot {_ends(chain)}, from {chain.format}."),
         *_warn_of_loops(chain),
         "# To move it, state what is unknown; an unknown rotor_inertia is identified.",
     ]
     return _text(chain, gravity, title, _known_limits)
-
-
-def mjcf_as_stated(chain: MjcfChain, gravity: Sequence[float] | None = None) -> str:
-    """Convert an MJCF to a robot file with unknown values; comments list omissions.
-
-    Parameters
-    ----------
-    chain : MjcfChain
-    gravity : sequence of three floats, optional
-        Gravity in the world frame [m/s^2]; by default that of the file.
-    """
-    text = robot_as_stated(chain, chain.stated_gravity if gravity is None else gravity, "MJCF")
-    springs = ", ".join(f"{{joint: {joint}}}" for joint in chain.springs)
-    return text + (f"springs: [{springs}]\n" if springs else "")
 
 
 def _ends(chain: UrdfChain) -> str:
@@ -136,9 +118,10 @@ def _text(
     source: UrdfChain | DhRobot, gravity: Sequence[float] | None, title: Sequence[str], rest: _Rest
 ) -> str:
     not_taken: tuple[str, ...] = ()
+    further: tuple[str, ...] = ()
     if isinstance(source, UrdfChain):
         name, frames, in_base = source.robot, find_frames(source), source.gravity(gravity)
-        not_taken = source.not_taken
+        not_taken, further = source.not_taken, source.further_lines()
     else:
         name, frames = source.name, source.frames
         in_base = np.array(EARTH if gravity is None else gravity, dtype=float)
@@ -158,6 +141,7 @@ def _text(
             f"lengths: {{{lengths}}} # m",
             "joints:",
             *lines,
+            *further,
             "",
         ]
     )

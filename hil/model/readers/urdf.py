@@ -19,7 +19,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Literal
+from typing import TYPE_CHECKING, ClassVar, Literal
 
 import numpy as np
 
@@ -104,6 +104,8 @@ class UrdfChain:
         Name of a joint above the chain that tilts the base link as it moves; empty if none does.
     not_taken : tuple of str
         Omitted contents of the file.
+    format : str
+        Format of the file, with its article.
     """
 
     robot: str
@@ -115,6 +117,11 @@ class UrdfChain:
     mount: Array
     tilting: str
     not_taken: tuple[str, ...]
+    format: ClassVar[str] = "a URDF"
+
+    def further_lines(self) -> tuple[str, ...]:
+        """Return lines of a robot file for contents beyond those of its joints."""
+        return ()
 
     def gravity(self, stated: Sequence[float] | None = None) -> Array:
         """Return gravity in the base link, shape (3,) [m/s^2].

@@ -12,7 +12,7 @@ from drivers import opening
 from drivers.drive_bus import DriveFault, NodeSilent, Sample, SampleFlag
 from hil import cli
 from hil.cli.arguments import parse_pairs
-from hil.model.robot import ROBOTS
+from hil.model.robot import ROBOTS, Robot
 from hil.planning.design.by_counts import COUNTS
 from hil.planning.design.trajectories import HARMONICS, PERIOD
 from hil.planning.plan import Plan, dump_plan
@@ -83,6 +83,36 @@ def test_gravity_is_stated_in_the_link_that_stands_still(hil: Hil, tmp_path: Pat
     status, _, _ = hil("robot", "new", "--urdf", urdf, "-o", robot, "--gravity", "9.81", "0", "0")
     assert status == 0
     assert "gravity: [9.81, 0, 0]" in robot.read_text()
+
+
+def test_a_first_robot_file_comes_from_an_mjcf_as_a_refused_plan_demands(
+    hil: Hil, tmp_path: Path
+) -> None:
+    pytest.importorskip("mujoco")
+    mjcf, robot = tmp_path / "hand.xml", tmp_path / "hand.yaml"
+    mjcf.write_text(
+        '<mujoco model="hand"><option gravity="0 -9.81 0"/><worldbody><body name="palm">'
+        '<joint name="wrist" axis="0 0 1" range="-90 90" stiffness="2"/>'
+        '<inertial pos="0 0 0.1" mass="1" diaginertia="0.02 0.02 0.02"/>'
+        '<body name="thumb" pos="0.1 0 0"><joint name="t" axis="0 1 0" range="-90 90"/>'
+        '<inertial pos="0 0 0.1" mass="0.1" diaginertia="0.01 0.01 0.01"/></body>'
+        '<body name="finger" pos="-0.1 0 0"><joint name="f" axis="0 1 0" range="-90 90"/>'
+        '<inertial pos="0 0 0.1" mass="0.1" diaginertia="0.01 0.01 0.01"/></body></body>'
+        "</worldbody></mujoco>"
+    )
+    status, _, err = hil("plan", mjcf, "-o", tmp_path / "plan.yaml")
+    assert status == 1
+    assert f"hil robot new --urdf {mjcf}" in err
+    status, out, _ = hil("robot", "new", "--urdf", mjcf, "-o", robot)
+    assert status == 0
+    assert "3 joints from world to thumb, finger: wrist, t, f" in out
+    text = re.sub(r": !state .*", ": 0.1", robot.read_text())
+    assert "drafted from an MJCF" in text
+    robot.write_text(text)
+    drafted = Robot.load(robot)
+    assert drafted.parents == (-1, 0, 0)
+    assert drafted.gravity.tolist() == [0.0, -9.81, 0.0]
+    assert drafted.added_parameters == ("k1",)
 
 
 @pytest.mark.parametrize(("option", "frame"), [

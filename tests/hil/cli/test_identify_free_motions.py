@@ -12,7 +12,7 @@ from urdf_robots import ROBOTS, urdf
 
 from hil.estimation.prior import Prior
 from hil.export.urdf_file import bodies_of, given_urdf
-from hil.model.robot import robot_from_urdf
+from hil.model.robot import Robot
 from hil.results.model import Model
 
 if TYPE_CHECKING:
@@ -61,7 +61,7 @@ def half_still(tmp_path: Path) -> tuple[Path, Path]:
     """Recordings with axis 1 of a pan-tilt head at rest, and the head's URDF with inertials."""
     stated = tmp_path / "head.urdf"
     stated.write_text(urdf("pan-tilt", ROBOTS["pan-tilt"]))
-    robot = robot_from_urdf(stated, None, None)
+    robot = Robot.load(stated)
     bodies = bodies_of(given_urdf(stated, robot), robot)
     assert bodies is not None
     truth = Prior(bodies, 0.3).predict(robot)[0]

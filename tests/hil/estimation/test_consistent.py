@@ -10,14 +10,21 @@ from possible_models import bodies
 from synthetic import TABLE_3_A
 
 from hil.errors import InvalidValue
-from hil.estimation.consistent.conditions import BodyBounds, likely_bodies, tightened
+from hil.estimation.consistent.conditions import (
+    BodyBounds,
+    likely_bodies,
+    sized_bodies,
+    tightened,
+)
 from hil.estimation.consistent.nearest import Space, nearest_robot, thickness_of
 from hil.estimation.consistent.semidefinite import Inequality, least_squares
 from hil.model.added_parameters import added_inertias
 from hil.model.base_parameters import base_parameters
-from hil.model.drive_train_file import CoupledMotor
+from hil.model.drive_train_file import CoupledMotor, Spring
+from hil.model.dynamics import inverse_dynamics
 from hil.model.frames import body_parameters
 from hil.model.robot import Robot
+from hil.planning.prediction.precision import whole_range
 
 JOINT = {
     "frame": {"alpha": 0.0},
@@ -42,6 +49,22 @@ def seen(robot, found):
     whole, own = base_parameters(robot.free_links()), base_parameters(robot)
     phi = np.concatenate([found.bodies.ravel(), [*found.added.values()]])
     return whole.matrix @ phi, whole.matrix @ own.placement @ found.p
+
+
+@pytest.mark.parametrize(
+    ("inertia", "changes"),
+    [
+        ("unknown", {}),
+        (1e-4, {"springs": (Spring(joint=2, shape="sine"),)}),
+        (1e-4, {"couplings": (CoupledMotor(motor=2, joint=1, ratio=1.0),)}),
+    ],
+)
+def test_likely_bodies_leave_out_unknown_rotors_springs_and_couplings(inertia, changes):
+    joint = {**JOINT, "drive": {**JOINT["drive"], "rotor_inertia": inertia}}
+    file = Robot.create("two", [joint] * 2, gravity=UPRIGHT).file
+    robot = Robot(file.model_copy(update=changes), "two", "")
+    most = np.abs(inverse_dynamics(robot, sized_bodies(robot), *whole_range(robot))).max(axis=0)
+    assert (most / robot.torque_limit).max() == pytest.approx(1.0)
 
 
 @pytest.mark.parametrize(

@@ -22,7 +22,7 @@ from urdf_robots import ROBOTS, urdf
 from hil.export.exported import origin
 from hil.export.formats import FORMATS, SIMULATORS, export
 from hil.export.urdf_file import given_urdf
-from hil.model.robot import Robot, robot_from_urdf
+from hil.model.robot import Robot
 from hil.results.consistency import find_consistent_robot
 from hil.results.judgement import Judgement
 
@@ -106,7 +106,7 @@ def test_names_of_a_urdf_stay_names(name: str, tmp_path: Path) -> None:
     for own in ("link1", "link2", "joint1", "joint2", "base"):
         text = text.replace(f'"{own}"', quoteattr(f"{NAME}{own}", {'"': "&quot;"}))
     path.write_text(text, encoding="utf-8")
-    robot = robot_from_urdf(path)
+    robot = Robot.load(path)
     model = find_consistent_robot(model_of(robot, *possible(robot)))
     (written,) = export(model, name, (), given_urdf(path, robot)).files.values()
     if name == "ranges":

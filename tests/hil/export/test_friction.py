@@ -15,7 +15,12 @@ from hil.errors import FrictionUnknown, NotEnoughData
 from hil.export.data_files import write_friction
 from hil.export.formats import FORMATS
 from hil.export.functions import functions
-from hil.export.simple_friction import friction_of_joints, friction_remarks, simple_friction
+from hil.export.simple_friction import (
+    damping_remarks,
+    friction_of_joints,
+    friction_remarks,
+    simple_friction,
+)
 from hil.export.source_code import description
 from hil.friction.law import AxisLaw, FrictionLaw, TermValue
 from hil.model.robot import Robot
@@ -101,6 +106,19 @@ def test_quadratic_damping_comes_to_rest_where_the_law_does() -> None:
         quadratic, plain = (np.abs(way / ways[0] - 1).max() for way in ways[1:])
         assert quadratic < 0.02 < plain
         assert misfit < each.misfit
+
+
+def test_damping_without_a_quadratic_part_is_one_number_that_every_mujoco_reads() -> None:
+    model = set_terms(Coulomb=5.0, viscous=1.0, arc_tangent=4.0)
+    first = simple_friction(model)[0]
+    assert first.coasting.coulomb != first.coulomb
+    assert first.damping == (first.coasting.viscous,)
+    (said, *_) = damping_remarks(model)
+    assert "and damping 2.02 N m s/rad, with which" in said
+    assert "MuJoCo 3.7" not in said
+    (said, *_) = damping_remarks(set_terms(Coulomb=5.0, viscous=3.0, arc_tangent=-2.0))
+    assert "MuJoCo 3.7 or later" in said
+    assert not [*damping_remarks(set_terms(Coulomb=5.0, viscous=3.0, offset=0.7))]
 
 
 def test_damping_never_drives() -> None:

@@ -6,7 +6,7 @@ import pytest
 from urdf_robots import ROBOTS, urdf
 
 from hil.export.urdf_file import bodies_of, given_urdf, inertial_faults
-from hil.model.robot import robot_from_urdf
+from hil.model.robot import Robot
 
 INERTIA = 'ixx="0.2" iyy="0.3" izz="0.25" ixy="0.01" ixz="0.02" iyz="0.03"'
 DUMMY = (
@@ -19,7 +19,7 @@ EMPTY = f'<inertial><mass value="0"/>{re.sub("[0-9.]+", "0", f"<inertia {INERTIA
 def read(folder, text):
     path = folder / "head.urdf"
     path.write_text(text)
-    robot = robot_from_urdf(path)
+    robot = Robot.load(path)
     given = given_urdf(path, robot)
     return [each.removeprefix(f"{folder}/") for each in inertial_faults(given, robot)], given, robot
 

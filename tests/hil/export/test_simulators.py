@@ -22,7 +22,7 @@ from hil.model.drive_train_file import CoupledMotor, Spring
 from hil.model.dynamics import inverse_dynamics
 from hil.model.motors import motor_torque
 from hil.model.readers.urdf import UrdfReader
-from hil.model.robot import Robot, robot_from_urdf
+from hil.model.robot import Robot
 from hil.results.consistency import find_consistent_robot
 from hil.simulation.arm import Arm, Drive, Start
 from hil.simulation.mujoco_arm import MujocoArm
@@ -188,7 +188,7 @@ def arm(tmp_path):
     )
     path = tmp_path / "arm.urdf"
     path.write_text(text.replace("</robot>", more + "</robot>"))
-    model = consistent(robot_from_urdf(path, tip="link4"), scatter=0.5)
+    model = consistent(Robot.load(path, tip="link4"), scatter=0.5)
     return model, given_urdf(path, model.robot), path
 
 

@@ -12,6 +12,7 @@ from carriage_run import carriage, carriage_run
 from real_recordings import DATA, at_hand
 
 import hil
+from checked_files.yaml_file import FileError
 from hil.commands import replay as command
 from hil.errors import InvalidValue
 from hil.simulation.replay import INITIAL, Controller, limits, replay
@@ -65,6 +66,14 @@ def test_a_motion_that_is_lost_at_once_has_no_finite_error_and_a_page(run: Run) 
     assert found.verdict({False: 1e9})[0] == "failed"
     assert "inf mm" in str(found.table())
     assert len(list(command.positions(found))) == 1
+
+
+def test_a_mujoco_that_reads_no_polynomial_of_damping_is_refused(
+    run: Run, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(pytest.importorskip("mujoco"), "__version__", "3.6.0")
+    with pytest.raises(FileError, match=r"version 3\.6\.0 must be at least 3\.7: pip install -U"):
+        replay(run, carriage(), simulator="mujoco")
 
 
 def test_a_model_that_no_bodies_have_is_simulated_by_the_nearest_possible_ones(run: Run) -> None:
