@@ -166,18 +166,19 @@ def _crossed(acceleration: Array, period: Array, gap: Array) -> Array:
     period : ndarray, shape (n_pieces,)
     gap : ndarray, shape (n_half_gaps, 1)
     """
-    faster = np.multiply(period, acceleration, order="C")
+    # velocities are per sample, and increase in halves
+    faster = np.multiply(period**2 / 2.0, acceleration, order="C")
     x, v = gap * np.sign(acceleration[0]), np.zeros((len(gap), len(period)))
-    found, size, free = np.empty((len(faster), *x.shape)), np.empty_like(x), np.empty(x.shape, bool)
+    found, moved = np.empty((len(faster), *x.shape)), np.empty_like(x)
+    free = np.empty(x.shape, bool)
     # in place: at these sizes, NumPy's temporary arrays and np.clip would take half of the time
     for n, change in enumerate(faster):
-        np.add(v, np.multiply(0.5, change), out=size)
-        np.multiply(period, size, out=size)
-        x = np.add(x, size, out=found[n])
         np.add(v, change, out=v)
-        np.less(np.abs(x, out=size), gap, out=free)
-        np.multiply(v, free, out=v)
-        np.minimum(np.maximum(x, -gap, out=x), gap, out=x)
+        np.add(x, v, out=moved)
+        np.add(v, change, out=v)
+        x = found[n]
+        np.minimum(np.maximum(moved, -gap, out=x), gap, out=x)
+        np.multiply(v, np.equal(x, moved, out=free), out=v)
     return found
 
 
