@@ -139,20 +139,19 @@ def displacements(
     pieces = [np.clip(np.arange(0, n, PIECE)[:, None] + window, 0, n - 1) for n in lengths]
     rate = np.concatenate([d.acceleration(axis)[at] for d, at in zip(driven, pieces, strict=True)])
     period = np.repeat([s.period for s in signals], [len(at) for at in pieces])
-    gaps, found, first = np.array(half_gaps)[:, None], [], 0
     turns = (rate.min(axis=1) <= 0.0) & (rate.max(axis=1) >= 0.0)
-    # a link pushed in one direction only stays on its side
-    simulated = np.broadcast_to(
-        -np.sign(rate[:, :1]) * gaps[..., None], (len(gaps), len(rate), PIECE)
-    ).copy()
-    simulated[:, turns] = _crossed(-rate[turns].T, period[turns], gaps)[LEAD:].transpose(1, 2, 0)
+    # a link pushed in one direction only stays on its side: two more pieces stand for all others
+    pushed = np.column_stack([-rate[turns].T, np.tile([-1.0, 1.0], (len(window), 1))])
+    states = _crossed(pushed, np.append(period[turns], [1.0, 1.0]), np.array(half_gaps)[:, None])
+    place = np.where(turns, np.cumsum(turns) - 1, turns.sum() + (rate[:, 0] < 0.0))
+    found, first = [], 0
     for s, at, wanted in zip(signals, pieces, places, strict=True):
-        whole = simulated[:, first : first + len(at)].reshape(len(gaps), -1)[:, : len(s.time)]
-        first += len(at)
         taps = _taps(s.period)
         reach = len(taps) // 2
-        near = np.clip(wanted[:, None] + np.arange(-reach, reach + 1), 0, whole.shape[1] - 1)
-        found.append(np.moveaxis(whole[:, near] @ taps, 2, 1))
+        near = np.clip(wanted[:, None] + np.arange(-reach, reach + 1), 0, len(s.time) - 1)
+        whole = states[LEAD + near % PIECE, :, place[first + near // PIECE]]
+        found.append((whole.swapaxes(1, 2) @ taps).transpose(1, 2, 0))
+        first += len(at)
     return np.concatenate(found, axis=2)
 
 
