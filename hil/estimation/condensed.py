@@ -170,8 +170,8 @@ def stack(
 ) -> list[list[Stacked]]:
     """Stack y, the motor's part and X for the moving axes of each period or measurement.
 
-    Axes with too few usable samples are left out. `thin` is the number of rows of each axis of
-    which one is computed, by default 1.
+    Axes with too few usable samples are left out. `thin` has an axis's rows per computed row, by
+    default 1.
     """
     motors = motor_torque(robot, s.q, s.qd, s.qdd)
 
@@ -190,7 +190,7 @@ def rows_used(used: Mask, period: float) -> NDArray[np.intp]:
 
 
 def thinned(rows: NDArray[np.intp], thin: int) -> NDArray[np.intp]:
-    """Return the middle one of each `thin` rows; all if there are no more than `thin`."""
+    """Return the middle row of every `thin` rows; of at most `thin` rows, every row."""
     return rows[thin // 2 :: thin] if len(rows) > thin else rows
 
 
@@ -285,7 +285,7 @@ def stack_axis(
     passes : int
         Number of smoothing passes.
     thin : int
-        Number of rows of which one is computed.
+        Number of rows per computed row.
     """
     rows = [thinned(rows_used(used & period, s.period), thin) for period in periods]
     if used.sum() < FEWEST or not any(map(len, rows)):

@@ -65,7 +65,7 @@ SLOW = 0.05
 JERK = 5.0
 """Largest jerk of used samples, as a multiple of the axis's acceleration limit [1/s]."""
 EVERY = slice(None)
-"""All samples."""
+"""Every sample."""
 FEWEST = 50
 """Least number of usable samples of an axis in a measurement."""
 

@@ -296,15 +296,15 @@ class Battery:
         # dispersions are quadratic forms of the groups' scores; scores of columns i and j have the
         # covariance I_kij
         square = sum((D.T @ D) ** 2 for D in np.split(unit, self._starts[1:]))
+        del unit  # free the memory
         length, products = np.sqrt(np.diag(square)), left.T @ left
         alike, found = square / np.outer(length, length), {}
         for axis in np.unique(self._axis).tolist():
             own = np.flatnonzero((self._axis[every] == axis) | (axis < 0))
             n_groups = len(np.unique(e.group[(e.axis == axis) | (axis < 0)]))
             block = np.ix_(own, own)
-            found[axis] = _AxisColumns(
-                every[own], left[:, own], alike[block], n_groups, products[block]
-            )
+            mine = left if axis < 0 else left[:, own]
+            found[axis] = _AxisColumns(every[own], mine, alike[block], n_groups, products[block])
         return found
 
     def _basis(self, columns: Sequence[int]) -> tuple[Indices, Array]:

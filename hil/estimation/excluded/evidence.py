@@ -253,7 +253,7 @@ def measured(
 
 
 def step_of(n_rows: int) -> int:
-    """Return the number of rows of a channel of which one is used."""
+    """Return the number of rows per used row of a channel."""
     return max(1, round(n_rows / MOST))
 
 
