@@ -26,10 +26,10 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from hil.friction.equation import COMMON, FEWEST, LOAD
+from hil.friction.equation import COMMON, FEWEST, LOAD, term_columns
 from hil.least_squares.blocks import Blocks
 from hil.least_squares.solving import eliminated
-from hil.least_squares.window import APART, rounding_window, window_means
+from hil.least_squares.window import APART, half_window, rounding_window, widen, window_means
 from hil.model.base_parameters import base_parameters
 from hil.model.dynamics import regressors
 from hil.model.motors import motor_torque
@@ -165,10 +165,13 @@ def drive_torques(blocks: Blocks) -> tuple[Array, Array]:
     return np.eye(1, m) - taken, taken
 
 
-def stack(robot: Robot, measurement: ParameterMotion, s: Signals) -> list[list[Stacked]]:
+def stack(
+    robot: Robot, measurement: ParameterMotion, s: Signals, thin: Sequence[int] = ()
+) -> list[list[Stacked]]:
     """Stack y, the motor's part and X for the moving axes of each period or measurement.
 
-    Axes with too few usable samples are left out.
+    Axes with too few usable samples are left out. `thin` has an axis's rows per computed row, by
+    default 1.
     """
     motors = motor_torque(robot, s.q, s.qd, s.qdd)
 
@@ -176,7 +179,19 @@ def stack(robot: Robot, measurement: ParameterMotion, s: Signals) -> list[list[S
         torques = np.column_stack([s.tau[:, axis] - motors[:, axis], motors[:, axis]])
         return torques, s.usable(robot, axis)
 
-    return stack_axes(robot, s, measurement.moved, part)
+    return stack_axes(robot, s, measurement.moved, part, thin=thin)
+
+
+def rows_used(used: Mask, period: float) -> NDArray[np.intp]:
+    """Return the indices of rows among `used` samples; none for too few samples."""
+    each = max(1, round(APART / period))
+    index = np.flatnonzero(used)[::each]
+    return index if len(index) * each >= FEWEST else index[:0]
+
+
+def thinned(rows: NDArray[np.intp], thin: int) -> NDArray[np.intp]:
+    """Return the middle row of every `thin` rows; of at most `thin` rows, every row."""
+    return rows[thin // 2 :: thin] if len(rows) > thin else rows
 
 
 def quantisation_bias(
@@ -226,6 +241,7 @@ def stack_axes(
     axes: Iterable[int],
     part: Callable[[int], tuple[Array, Mask]],
     passes: int = 1,
+    thin: Sequence[int] = (),
 ) -> list[list[Stacked]]:
     """Stack axes with enough usable samples, by period or measurement.
 
@@ -233,11 +249,15 @@ def stack_axes(
     ----------
     part : callable
         Function from an axis to `torques` and `used` of `stack_axis`.
+    thin : sequence of int
+        See `stack`.
     """
     periods = list(groups(s))
     found: list[list[Stacked]] = [[] for _ in periods]
     for axis in axes:
-        for place, mine in enumerate(stack_axis(robot, s, axis, *part(axis), periods, passes)):
+        every = thin[axis] if thin else 1
+        stacked = stack_axis(robot, s, axis, *part(axis), periods, passes, every)
+        for place, mine in enumerate(stacked):
             if mine is not None:
                 found[place].append(mine)
     return [each for each in found if each]
@@ -251,6 +271,7 @@ def stack_axis(
     used: Mask,
     periods: list[Mask],
     passes: int = 1,
+    thin: int = 1,
 ) -> Iterator[Stacked | None]:
     """Stack the `used` samples of an axis in each of `periods`, or None for too few.
 
@@ -263,22 +284,27 @@ def stack_axis(
     periods : list of ndarray of bool, shape (n,)
     passes : int
         Number of smoothing passes.
+    thin : int
+        Number of rows per computed row.
     """
-    each = max(1, round(APART / s.period))
-    if used.sum() < FEWEST:
+    rows = [thinned(rows_used(used & period, s.period), thin) for period in periods]
+    if used.sum() < FEWEST or not any(map(len, rows)):
         yield from (None for _ in periods)
         return
-    rows, common, friction = s.terms(robot, axis)
-    for period in periods:
-        index = np.flatnonzero(used & period)[::each]
-        if len(index) * each < FEWEST:
+    near = np.arange(len(s.time))
+    if thin == 1:
+        columns = torques, *s.terms(robot, axis)
+    else:
+        wanted = np.isin(near, np.concatenate(rows))
+        near = np.flatnonzero(widen(wanted, passes * half_window(s.period)))
+        columns = torques[near], *term_columns(robot, s, axis, at=near)
+    for index in rows:
+        if not len(index):
             yield None
             continue
-        means, time = (
-            window_means(index, len(s.time), s.period, passes),
-            float(s.time[index].mean()),
-        )
-        y, A, G, F = (np.asarray(means @ x) for x in (torques, rows, common, friction))
+        means = window_means(np.searchsorted(near, index), len(near), s.period, passes)
+        y, A, G, F = (np.asarray(means @ x) for x in columns)
+        each, time = max(1, round(APART / s.period)), float(s.time[index].mean())
         yield Stacked(axis, A.shape[1], y, np.hstack([A, G]), F, each, index, time)
 
 

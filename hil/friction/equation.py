@@ -64,6 +64,8 @@ SLOW = 0.05
 """Share of the speed limit below which samples are not used."""
 JERK = 5.0
 """Largest jerk of used samples, as a multiple of the axis's acceleration limit [1/s]."""
+EVERY = slice(None)
+"""Every sample."""
 FEWEST = 50
 """Least number of usable samples of an axis in a measurement."""
 
@@ -102,30 +104,32 @@ class Motion(Protocol):
         """Return a mask of samples without influence of the `excluded` samples, shape (n,)."""
 
 
-def base_rows(robot: Robot, motion: Motion, axis: int) -> Array:
+def base_rows(robot: Robot, motion: Motion, axis: int, at: slice | Indices = EVERY) -> Array:
     """Return the regressor rows of an axis's base parameters, shape (n, n_base)."""
-    return regressor(robot, *motion.link, joints=[axis])[:, 0]
+    q, qd, qdd = motion.link
+    return regressor(robot, q[at], qd[at], qdd[at], [axis])[:, 0]
 
 
 def term_columns(
-    robot: Robot, motion: Motion, axis: int, rows: Array | None = None
+    robot: Robot, motion: Motion, axis: int, rows: Array | None = None, at: slice | Indices = EVERY
 ) -> tuple[Array, Array, Array]:
     """Return columns of an axis's base parameters, common terms and friction, each (n, ...).
 
-    `rows` are the regressor rows of `base_rows`, if already computed.
+    `rows` are the regressor rows of `base_rows`, if already computed; `at` are the samples, by
+    default all.
     """
-    rows = base_rows(robot, motion, axis) if rows is None else rows
+    rows = base_rows(robot, motion, axis, at) if rows is None else rows
     v = motion.qd[:, axis] / speed_scale(robot, motion, axis)
     seen = (*COMMON[:2], *(f"{wave} {n}" for wave in ("cosine", "sine")
                            for n in ripple_orders(robot, axis)))  # fmt: skip
-    angle, common = robot.gear_ratio[axis] * motion.q[:, axis], np.zeros((len(v), N_COMMON))
-    places = [COMMON.index(term) for term in seen]
-    common[:, places] = friction_columns(v, sign_direction(v, 0.0), angle=angle, terms=seen)
-    return rows, common, own_friction(motion, v)
+    angle, common = robot.gear_ratio[axis] * motion.q[at, axis], np.zeros((len(rows), N_COMMON))
+    places, own = [COMMON.index(term) for term in seen], v[at]
+    common[:, places] = friction_columns(own, sign_direction(own, 0.0), angle=angle, terms=seen)
+    return rows, common, own_friction(motion, v, at)
 
 
-def own_friction(motion: Motion, v: Array) -> Array:
-    """Return F, the friction columns of a measurement, shape (n, 6).
+def own_friction(motion: Motion, v: Array, at: slice | Indices = EVERY) -> Array:
+    """Return F, the friction columns of a measurement at some samples, shape (n, 6).
 
     Parameters
     ----------
@@ -135,7 +139,7 @@ def own_friction(motion: Motion, v: Array) -> Array:
     free_of_noise = motion.smoothed(v)
     distance = np.cumsum(np.abs(free_of_noise))
     gone = (distance - distance.mean()) / max(float(np.ptp(distance)), motion.period)
-    return friction_columns(v, sign_direction(free_of_noise, 0.0), gone=gone, terms=OWN)
+    return friction_columns(v[at], sign_direction(free_of_noise[at], 0.0), gone=gone[at], terms=OWN)
 
 
 def speed_scale(robot: Robot, motion: Motion, axis: int) -> float:

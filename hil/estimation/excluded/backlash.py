@@ -139,20 +139,19 @@ def displacements(
     pieces = [np.clip(np.arange(0, n, PIECE)[:, None] + window, 0, n - 1) for n in lengths]
     rate = np.concatenate([d.acceleration(axis)[at] for d, at in zip(driven, pieces, strict=True)])
     period = np.repeat([s.period for s in signals], [len(at) for at in pieces])
-    gaps, found, first = np.array(half_gaps)[:, None], [], 0
     turns = (rate.min(axis=1) <= 0.0) & (rate.max(axis=1) >= 0.0)
-    # a link pushed in one direction only stays on its side
-    simulated = np.broadcast_to(
-        -np.sign(rate[:, :1]) * gaps[..., None], (len(gaps), len(rate), PIECE)
-    ).copy()
-    simulated[:, turns] = _crossed(-rate[turns].T, period[turns], gaps)[LEAD:].transpose(1, 2, 0)
+    # a link pushed in one direction only stays on its side: two more pieces stand for all others
+    pushed = np.column_stack([-rate[turns].T, np.tile([-1.0, 1.0], (len(window), 1))])
+    states = _crossed(pushed, np.append(period[turns], [1.0, 1.0]), np.array(half_gaps)[:, None])
+    place = np.where(turns, np.cumsum(turns) - 1, turns.sum() + (rate[:, 0] < 0.0))
+    found, first = [], 0
     for s, at, wanted in zip(signals, pieces, places, strict=True):
-        whole = simulated[:, first : first + len(at)].reshape(len(gaps), -1)[:, : len(s.time)]
-        first += len(at)
         taps = _taps(s.period)
         reach = len(taps) // 2
-        near = np.clip(wanted[:, None] + np.arange(-reach, reach + 1), 0, whole.shape[1] - 1)
-        found.append(np.moveaxis(whole[:, near] @ taps, 2, 1))
+        near = np.clip(wanted[:, None] + np.arange(-reach, reach + 1), 0, len(s.time) - 1)
+        whole = states[LEAD + near % PIECE, :, place[first + near // PIECE]]
+        found.append((whole.swapaxes(1, 2) @ taps).transpose(1, 2, 0))
+        first += len(at)
     return np.concatenate(found, axis=2)
 
 
@@ -166,18 +165,19 @@ def _crossed(acceleration: Array, period: Array, gap: Array) -> Array:
     period : ndarray, shape (n_pieces,)
     gap : ndarray, shape (n_half_gaps, 1)
     """
-    faster = np.multiply(period, acceleration, order="C")
+    # velocities are per sample, and increase in halves
+    faster = np.multiply(period**2 / 2.0, acceleration, order="C")
     x, v = gap * np.sign(acceleration[0]), np.zeros((len(gap), len(period)))
-    found, size, free = np.empty((len(faster), *x.shape)), np.empty_like(x), np.empty(x.shape, bool)
+    found, moved = np.empty((len(faster), *x.shape)), np.empty_like(x)
+    free = np.empty(x.shape, bool)
     # in place: at these sizes, NumPy's temporary arrays and np.clip would take half of the time
     for n, change in enumerate(faster):
-        np.add(v, np.multiply(0.5, change), out=size)
-        np.multiply(period, size, out=size)
-        x = np.add(x, size, out=found[n])
         np.add(v, change, out=v)
-        np.less(np.abs(x, out=size), gap, out=free)
-        np.multiply(v, free, out=v)
-        np.minimum(np.maximum(x, -gap, out=x), gap, out=x)
+        np.add(x, v, out=moved)
+        np.add(v, change, out=v)
+        x = found[n]
+        np.minimum(np.maximum(moved, -gap, out=x), gap, out=x)
+        np.multiply(v, np.equal(x, moved, out=free), out=v)
     return found
 
 

@@ -290,20 +290,22 @@ class Battery:
 
     @cached_property
     def _axes(self) -> dict[int, _AxisColumns]:
-        return {axis: self._axis_columns(axis) for axis in np.unique(self._axis).tolist()}
-
-    def _axis_columns(self, axis: int) -> _AxisColumns:
-        e = self.evidence
-        columns = np.flatnonzero(self.visible & ((self._axis == axis) | (axis < 0)))
-        left = self._left[:, columns]
-        unit = left / np.sqrt(self.information[columns])
+        e, every = self.evidence, np.flatnonzero(self.visible)
+        left = self._left[:, every]
+        unit = left / np.sqrt(self.information[every])
         # dispersions are quadratic forms of the groups' scores; scores of columns i and j have the
         # covariance I_kij
         square = sum((D.T @ D) ** 2 for D in np.split(unit, self._starts[1:]))
-        length = np.sqrt(np.diag(square)) if len(columns) else np.zeros(0)
-        groups = np.unique(e.group[(e.axis == axis) | (axis < 0)])
-        alike = square / np.outer(length, length)
-        return _AxisColumns(columns, left, alike, len(groups), left.T @ left)
+        del unit  # free the memory
+        length, products = np.sqrt(np.diag(square)), left.T @ left
+        alike, found = square / np.outer(length, length), {}
+        for axis in np.unique(self._axis).tolist():
+            own = np.flatnonzero((self._axis[every] == axis) | (axis < 0))
+            n_groups = len(np.unique(e.group[(e.axis == axis) | (axis < 0)]))
+            block = np.ix_(own, own)
+            mine = left if axis < 0 else left[:, own]
+            found[axis] = _AxisColumns(every[own], mine, alike[block], n_groups, products[block])
+        return found
 
     def _basis(self, columns: Sequence[int]) -> tuple[Indices, Array]:
         """Return visible columns among `columns`, and an orthonormalising matrix (k, rank)."""
@@ -339,9 +341,13 @@ class Battery:
 
     def squares(self, columns: Indices) -> Array:
         """Return sums of squares of columns, adjusted and weighted, by axis, (n_channels, n)."""
-        found = np.zeros((self.evidence.n_channels, len(columns)))
-        np.add.at(found, self._channel, self._left[:, columns] ** 2)
-        return found
+        return self._squares[:, columns]
+
+    @cached_property
+    def _squares(self) -> Array:
+        every = range(self.evidence.n_channels)
+        own = (self._left[self._channel == channel] for channel in every)
+        return np.array([np.einsum("ij,ij->j", D, D) for D in own])
 
     def most(self, squares: Array) -> Array:
         """Return the largest share of sums of squares in an axis's mean square."""
@@ -574,5 +580,5 @@ class Battery:
         return moderated(phi[several], degrees[several], alike)
 
 
-CACHED = ("common", "_axes", "_enlarged")
+CACHED = ("common", "_axes", "_enlarged", "_squares")
 """Attributes of a `Battery` that depend on the given causes."""

@@ -18,7 +18,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from hil.estimation.condensed import groups, stack_axis
+from hil.estimation.condensed import groups, stack_axis, thinned
 from hil.friction.equation import FEWEST, LOAD, limit_or_reached
 from hil.least_squares.blocks import Blocks
 from hil.least_squares.solving import orthonormal
@@ -252,6 +252,11 @@ def measured(
     return rows_of(robot, solver.stacked, solver.loaded, unasked, rates=rates)
 
 
+def step_of(n_rows: int) -> int:
+    """Return the number of rows per used row of a channel."""
+    return max(1, round(n_rows / MOST))
+
+
 def rows_of(
     robot: Robot,
     asked: Sequence[tuple[Signals, Sequence[Stacked]]],
@@ -281,7 +286,7 @@ def rows_of(
     for axis in range(robot.n_joints):
         own = [(place[s], s, each) for s, axes in stacked for each in axes if each.axis == axis]
         own.sort(key=lambda part: part[1].time[0])  # later recordings are contiguous
-        step = max(1, round(sum(len(each.index) for *_, each in own) / MOST))
+        step = step_of(sum(len(each.index) for *_, each in own))
         parts += [_part(robot, s, each, step, k, several, loaded, rates) for k, s, each in own]
     evidence = gathered(parts)
     limits = [
@@ -305,7 +310,7 @@ def _part(
     rates: bool,
 ) -> Evidence:
     """Return the rows of an axis in a measurement, with the basis of friction."""
-    some = slice(step // 2, None, step) if len(each.index) > step else slice(None)
+    some = thinned(np.arange(len(each.index)), step)
     index = each.index[some]
     n_base = len(base_parameters(robot))
     near = np.concatenate([index - 1, index, index + 1])

@@ -16,10 +16,10 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from hil.errors import NotIdentifiable
-from hil.estimation.condensed import stack
+from hil.estimation.condensed import groups, rows_used, stack
 from hil.estimation.excluded.battery import Battery
 from hil.estimation.excluded.columns import columns
-from hil.estimation.excluded.evidence import rows_of
+from hil.estimation.excluded.evidence import rows_of, step_of
 from hil.estimation.excluded.limits import limits
 from hil.estimation.excluded.result import Excluded
 from hil.estimation.signals import signals
@@ -99,9 +99,14 @@ def expected_evidence(
     NotIdentifiable
         No expected recording has any visible parameter.
     """
-    stacked = []
-    for motion, s in prepared:
-        stacked += [(s, axes) for axes in stack(robot, motion, s)]
+    kept, n_rows, stacked = list(prepared), [0] * robot.n_joints, []
+    for motion, s in kept:
+        for axis in motion.moved:
+            used = s.usable(robot, axis)
+            n_rows[axis] += sum(len(rows_used(used & each, s.period)) for each in groups(s))
+    thin = [step_of(n) for n in n_rows]
+    for motion, s in kept:
+        stacked += [(s, axes) for axes in stack(robot, motion, s, thin)]
         s.kept.clear()  # frees the cache of all samples, since the rows use few of them
     if not stacked:
         raise NotIdentifiable(

@@ -47,6 +47,17 @@ def test_a_group_of_imported_strokes_is_a_pair_and_all_pairs_count(
             assert min(forth, back) > 0.3 * len(only.index)
 
 
+def test_thinned_rows_are_some_of_all_rows(strokes: list[tuple[FreeMotion, Recording]]) -> None:
+    for motion, recording in strokes:
+        s = signals(recording)
+        some, every = (stack(ROBOT, motion, s, thin) for thin in ((4,) * ROBOT.n_joints, ()))
+        for (few,), (all_of_them,) in zip(some, every, strict=True):
+            at = np.isin(all_of_them.index, few.index)
+            assert np.array_equal(all_of_them.index[2::4], few.index)
+            for name in ("torques", "X", "friction"):
+                np.testing.assert_array_equal(getattr(few, name), getattr(all_of_them, name)[at])
+
+
 def test_a_group_of_a_free_motion_is_a_block() -> None:
     ((_, recording),) = recorded(ROBOT, TRUTH, n=1)
     first, second = groups(signals(recording))

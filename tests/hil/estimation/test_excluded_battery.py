@@ -98,6 +98,11 @@ def test_the_size_of_one_column_is_students_t_about_it(degrees: int) -> None:
     assert np.sqrt(noncentrality(1, degrees, level)) == pytest.approx(wanted, rel=1e-3)
 
 
+@pytest.mark.parametrize("rank", [1, 2, 10])
+def test_a_variance_with_one_degree_of_freedom_hides_all_but_huge_sizes(rank):
+    assert 1e11 < noncentrality(rank, 1.0, 1e-6) < 1e13
+
+
 @pytest.mark.parametrize("response", [0.1, 1.0])
 def test_a_delay_is_sized_by_what_it_does_to_the_recorded_torque(response: float) -> None:
     # the model explains a part of the torque's derivative, and the rest is as large
