@@ -14,8 +14,8 @@ a rate proportional to the speed:
 with the mean speed x as a share of the limit and x0 = `REFERENCE`. The axis counts as cold and
 rested when the run begins. Each kind and speed of levels has its own constant c. For given time
 constants the model is linear. A grid over the logarithms of the time constants, refined by bounded
-steps of least squares, yields the time constants. Residuals are autocorrelated, which widens the
-standard errors.
+least squares, yields the time constants. Residuals are autocorrelated, which widens the standard
+errors.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from hil.friction.warmth import REFERENCE, relaxed
-from hil.least_squares.solving import fitted, solve_each, solved
+from hil.least_squares.solving import fitted, solve_each
 from hil.least_squares.uncertainty import UNCERTAIN, classical
 
 if TYPE_CHECKING:
@@ -45,11 +45,6 @@ BOUNDS = {"warm-up": (120.0, 14400.0), "settling": (10.0, 3600.0), "stirring": (
 """Bounds of the time constants, from the duration of a measurement to that of a shift [s]."""
 GRID = (6, 5, 5)
 """Grid points of each time constant, about a factor of two apart."""
-SETTLED = 1e-8
-"""Largest relative decrease of the sum of squares by the last step."""
-STEP = 1e-7
-"""Step of forward differences: rounding and curvature cost some 1e-7 each."""
-TINY = float(np.finfo(float).tiny)
 FEWEST = 10
 """Minimum number of levels beyond the number of unknowns: with fewer, the scatter is uncertain by a
 quarter or more, 1 / sqrt(2 * 10).
@@ -131,9 +126,16 @@ def drift(axis: int, levels: Sequence[Level], past: History) -> Drift | None:
     course = _Course(axis, used, names, past)
     low, high = np.log(list(BOUNDS.values())).T
 
+    def left(taus: Array) -> Array:
+        X = course.columns(taus)
+        return np.asarray(log_levels - X @ fitted(X, log_levels))
+
     grid = [np.linspace(a, b, n + 2)[1:-1] for a, b, n in zip(low, high, GRID, strict=True)]
-    taus = course.refined(course.best(grid, log_levels), log_levels, low, high)
-    X, residual = course.columns(taus), course.left(taus, log_levels)
+    start = course.best(grid, log_levels)
+    from scipy.optimize import least_squares  # noqa: PLC0415 - takes long to load
+
+    taus = np.asarray(least_squares(left, start, bounds=(low, high)).x)
+    X, residual = course.columns(taus), left(taus)
     a = fitted(X, log_levels)
     jacobian = np.column_stack([X, *(column @ a[-2:] for column in course.changes(taus))])
     variance = float(residual @ residual) / (len(residual) - jacobian.shape[1])
@@ -182,36 +184,6 @@ class _Course:
         X = np.concatenate([constants, pairs], axis=1)
         left = log_levels - (solve_each(X @ X.swapaxes(1, 2), X @ log_levels)[:, np.newaxis] @ X)
         return np.asarray(list(product(*grid))[int(np.argmin(np.sum(left**2, axis=(1, 2))))])
-
-    def left(self, taus: Array, log_levels: Array) -> Array:
-        """Return the residuals for log time constants, with the coefficients eliminated."""
-        X = self.columns(taus)
-        return np.asarray(log_levels - X @ fitted(X, log_levels))
-
-    def refined(self, taus: Array, log_levels: Array, low: Array, high: Array) -> Array:
-        """Return the log time constants of the least residual, by bounded steps from `taus`.
-
-        Steps are those of Levenberg and Marquardt, with derivatives by forward differences, and
-        damping by the ratio of actual to expected decrease (H. B. Nielsen, report IMM-REP-1999-05,
-        Technical University of Denmark, 1999).
-        """
-        left, damping, gain = self.left(taus, log_levels), 1e-3, 1.0
-        while gain > SETTLED:
-            moved = [self.left(taus + d, log_levels) for d in STEP * np.eye(len(taus))]
-            J = (left[:, np.newaxis] - np.column_stack(moved)) / STEP
-            downhill, N, square = J.T @ left, J.T @ J, float(left @ left)
-            free = np.where(downhill < 0.0, taus > low, taus < high)  # not held by a bound
-            N *= np.outer(free, free)
-            gain = -1.0
-            while gain < 0.0:
-                held = damping * np.diag(N)
-                new = np.clip(taus + solved(N + np.diag(held), downhill), low, high)
-                step, found = new - taus, self.left(new, log_levels)
-                decrease, expected = square - float(found @ found), step @ (held * step + downhill)
-                gain, ratio = decrease / max(square, TINY), decrease / max(float(expected), TINY)
-                damping *= max(1.0 / 3.0, 1.0 - (2.0 * ratio - 1.0) ** 3) if gain >= 0.0 else 4.0
-            taus, left = new, found
-        return taus
 
     def _warmth(self, tau: float) -> Array:
         left = np.exp(-np.diff(self._ends) / tau)
