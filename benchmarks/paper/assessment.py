@@ -46,7 +46,7 @@ def assess_strokes(run: Run, plant: Path, *, both: bool) -> Figures:
     found = {method: estimate(robot, measured, method) for method in methods}
     raw, _ = prepare(measured)
     fits, _ = local_fits(robot, raw)
-    p = found["published"].p
+    p = found["published"].values
     judged = {name: comparison(each, robot, truth) for name, each in found.items()}
     wrong = [(f.sides[0] - f.sides[1] - f.row @ truth) * (f.kind == "gravity") for f in fits]
     tests = judge_local_values(found["improved"].local) if both else {}

@@ -24,7 +24,6 @@ if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from hil.estimation.options import Options
-    from hil.results.findings import Findings
     from hil.results.model import Model
     from hil.runs.run import Run
 
@@ -120,11 +119,10 @@ def identify(
                 say(f"{method} method: {reason}")
         recorded = count(sum(map(len, (run, *more))), "measurement")
         now(f"estimating {run.robot.name} from {recorded}")
-        findings = identify_and_keep(run, method, more, options=options)
-        found = findings.model
+        found = identify_and_keep(run, method, more, options=options).model
         if refine:
             now("fitting simulated to recorded positions")
-            found = _refined(findings, [run, *more], options)
+            found = _refined(found, [run, *more], options)
         if consistent or masses:
             from hil.results.consistency import find_consistent_robot
 
@@ -149,14 +147,14 @@ def identify(
         raise typer.Exit(Status.REFUSED)
 
 
-def _refined(findings: Findings, runs: Sequence[Run], options: Options) -> Model:
+def _refined(model: Model, runs: Sequence[Run], options: Options) -> Model:
     """Return the model refined by simulation, judged anew."""
     from hil.results.identification import rejudged
     from hil.runs.pooling import Pooled
     from hil.simulation.refine import refine
 
     every = Pooled(runs)
-    return rejudged(refine(findings.model, every), findings.estimate, every, options)
+    return rejudged(refine(model, every), every, options)
 
 
 def options_of(prior: str | None, urdf: Path | None, run: Run) -> Options:

@@ -139,7 +139,7 @@ def write_diagnosis(run: Run, found: Diagnosis) -> DiagnosisFile:
         made=now(),
         version=__version__,
         of=RunStamp.create(run),
-        p=tuple(found.estimate.p.tolist()),
+        p=tuple(found.estimate.values.tolist()),
         threshold=errors.threshold,
         candidates=errors.alone,
         found=tuple(c.label for c in errors.found),

@@ -38,7 +38,7 @@ import numpy as np
 from hil.errors import NotEnoughData, NotIdentifiable
 from hil.estimation.campaign_friction import campaign_friction
 from hil.estimation.drive_train import CERTAIN, find_drive_train
-from hil.estimation.estimate import Estimate, LeftOut
+from hil.estimation.estimate import Estimate, LeftOut, covariance_of_drives
 from hil.estimation.free_motion.variants import DEFAULT
 from hil.estimation.friction.points import history
 from hil.estimation.local_fits import ELSEWHERE, believed_fit, local_fit
@@ -406,12 +406,13 @@ def estimate_of(
         if squares:
             residual[axis] = np.sqrt(np.mean(squares))
     return Estimate(
+        robot=robot,
         method=method,
-        p=p,
-        covariance=covariance,
+        values=p,
+        scatter_covariance=covariance,
+        drive_covariance=covariance_of_drives(robot, effect),
         degrees_of_freedom=degrees,
         effect=effect,
-        stated=robot.stated_uncertainty,
         residual=residual,
         condition=condition,
         local=local,

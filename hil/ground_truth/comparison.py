@@ -186,12 +186,12 @@ def comparison(estimate: Estimate, robot: Robot, truth: Array) -> Comparison:
     """Compare an estimate with the true base parameters, shape (n_base,)."""
     groups = base_parameters(robot).groups
     members = {group: list(k) for group, k in groups.items() if k and truth[list(k)].any()}
-    error = estimate.p - truth
+    error = estimate.values - truth
     return Comparison(
         robot=robot,
-        values=estimate.p,
+        values=estimate.values,
         others=truth,
-        standard_errors=estimate.standard_error,
+        standard_errors=np.sqrt(np.diag(estimate.covariance)),
         torque=_torque_error(robot, error, truth),
         half_width=estimate.half_width(),
         group_error={
@@ -232,7 +232,7 @@ def truth_comparison(
         refuse_other_plant(each, truth)
     _refuse_other_model(run, others)
     recordings = list(pooled([run, *others]))
-    result = comparison(found_in(run, method, others).estimate, run.robot, true)
+    result = comparison(found_in(run, method, others).model, run.robot, true)
     source = (
         f"{count(len(recordings), 'measurement')} in {clock(recordings[-1][1].time[-1])} of robot"
         f" time, {method} method, truth of {truth}"

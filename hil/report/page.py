@@ -206,7 +206,7 @@ def _top(run: ReportedRun) -> dict[str, object]:
 
 
 def _verdicts(run: ReportedRun) -> Iterator[Verdict]:
-    """Yield the judgement of the model, and its error on other recordings or on its own."""
+    """Yield the judgement of the model, and the error on other recordings or on the same ones."""
     if run.model.verdict is not None:
         yield run.model.verdict.verdicts[0]
     validations = run.kept_model.validations if run.kept_model else ()
@@ -219,7 +219,7 @@ def _verdicts(run: ReportedRun) -> Iterator[Verdict]:
 
 
 def _laws(run: ReportedRun) -> Iterator[Verdict]:
-    """Yield the chosen law of each axis of a run about friction alone, with its error."""
+    """Yield the chosen law of each axis of a run about friction alone, with the error."""
     for each in run.friction.axes if run.friction else ():
         error = each.models[each.chosen].held_out_error
         tested = (

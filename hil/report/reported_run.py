@@ -21,7 +21,6 @@ from hil.view.along_motion import stretches
 
 if TYPE_CHECKING:
     from hil.commands.friction import FrictionResult
-    from hil.estimation.estimate import Estimate
     from hil.estimation.local_fits import LocalValue
     from hil.model.robot import Robot
     from hil.planning.measurement import RecordedMotion
@@ -110,14 +109,14 @@ class ReportedRun:
         return found_in(self.source, *_method(self.source), self.campaign)
 
     @property
-    def estimate(self) -> Estimate:
-        """Estimate shown in the report."""
-        return self.found.estimate
+    def estimate(self) -> Model:
+        """Model of the estimation, with its data."""
+        return self.found.model
 
     @cached_property
     def model(self) -> Model:
-        """Model of the estimate, or the model in the folder if refined from this estimate."""
-        found, kept = self.found.model, self._saved_model
+        """Model of the estimation, or the model in the folder if refined from this one."""
+        found, kept = self.estimate, self._saved_model
         refined = kept and kept.refinement
         return kept if kept and refined and refined.start_digest == found.digest else found
 

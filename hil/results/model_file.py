@@ -224,7 +224,9 @@ class ModelFile(FileModel):
             "local": tuple(each.local() for each in self.local),
             "friction_law": law or FrictionLaw.absent(robot.n_joints),
             "details": self.friction or self.back_and_forth or NO_DETAILS,
-            "torque_effect": None if self.torque_effect is None else np.array(self.torque_effect),
+            "effect": np.array(self.torque_effect or ((),)),
+            "method": self.provenance.method,
+            "n_measurements": self.provenance.measurements,
         }
 
     def _robot(self, path: Path) -> Robot:

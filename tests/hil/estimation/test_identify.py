@@ -148,17 +148,17 @@ class TestExactness:
     def test_the_improved_method_finds_the_parameters_of_a_drifting_machine(self, robot, plan):
         friction = Friction(growth=-3e-4, offset=np.array([1.0, -2.0, 0.5, 0.3, -0.2, 0.1]))
         found = estimate(robot, campaign(robot, plan, friction))
-        assert relative_error(found.p) < 1e-5
+        assert relative_error(found.values) < 1e-5
 
     def test_the_published_method_finds_what_a_symmetric_machine_has(self, robot, symmetric):
         found = estimate(robot, symmetric, "published")
-        assert relative_error(found.p) < 3e-4
+        assert relative_error(found.values) < 3e-4
 
     def test_a_constant_offset_disturbs_the_published_method_only(self, robot, plan):
         friction = Friction(offset=np.array([1.0, -3.0, 2.0, 0.5, -0.5, 0.2]))
         recorded = list(campaign(robot, plan, friction))
-        assert relative_error(estimate(robot, recorded).p) < 1e-5
-        assert relative_error(estimate(robot, recorded, "published").p) > 3e-3
+        assert relative_error(estimate(robot, recorded).values) < 1e-5
+        assert relative_error(estimate(robot, recorded, "published").values) > 3e-3
 
     def test_missing_samples_do_not_bias_the_result(self, robot, symmetric):
         rng = np.random.default_rng(4)
@@ -170,7 +170,7 @@ class TestExactness:
                 q[lost], tau[lost] = np.nan, np.nan
                 yield measurement, replace(recording, q=q, tau=tau)
 
-        assert relative_error(estimate(robot, gappy_run()).p) < 1e-5
+        assert relative_error(estimate(robot, gappy_run()).values) < 1e-5
 
 
 class TestCalibration:
@@ -181,9 +181,9 @@ class TestCalibration:
             inside, ratio = [], []
             reference = estimate(robot, symmetric, method)
             for found in (estimate(robot, each, method) for each in drawn):
-                error = found.p - reference.p
+                error = found.values - reference.values
                 inside.append(np.abs(error) < found.half_width())
-                ratio.append(error / found.standard_error)
+                ratio.append(error / found.standard_errors)
             assert 0.88 <= np.mean(inside) <= 1.0, method
             assert 0.4 < np.median(np.abs(ratio)) < 1.0, method  # 0.67 for a normal distribution
 
@@ -206,7 +206,7 @@ class TestDriveErrors:
         scale = np.ones(6)
         scale[1] = 1.02
         wrong = [(m, replace(r, tau=r.tau * scale)) for m, r in recordings]
-        shift = estimate(robot, wrong, method).p - estimate(robot, recordings, method).p
+        shift = estimate(robot, wrong, method).values - estimate(robot, recordings, method).values
         stated = self.uncertain(robot, "torque_constant_uncertainty", 0.02)
         carried = estimate(stated, recordings, method)
         assert np.linalg.norm(shift) > 0.5
