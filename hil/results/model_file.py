@@ -64,39 +64,6 @@ class Parameter(FileModel):
         return degrees_behind(half / self.standard_error if self.standard_error else 0.0)
 
 
-class LocalRecord(FileModel):
-    """Single measurement (`hil.estimation.local_fits.LocalValue`); axes from 1."""
-
-    id: str
-    kind: str
-    axis: int
-    partner: int
-    q: tuple[float, ...]
-    time: float
-    value: float
-    model: float
-    standard_error: float | None
-    friction: float
-    residual: float
-
-    @classmethod
-    def create(cls, local: LocalValue) -> LocalRecord:
-        """Create the record of a measurement."""
-        error = float(local.standard_error)
-        return cls(
-            id=local.id, kind=local.kind, axis=local.axis + 1, partner=local.partner + 1,
-            q=tuple(local.q.tolist()), time=float(local.time), value=float(local.value),
-            model=float(local.model), standard_error=None if np.isnan(error) else error,
-            friction=float(local.friction), residual=float(local.residual),
-        )  # fmt: skip
-
-    def local(self) -> LocalValue:
-        """Return the measurement."""
-        error = np.nan if self.standard_error is None else self.standard_error
-        own = self.__dict__ | {"q": np.array(self.q), "standard_error": error}
-        return LocalValue(**own | {"axis": self.axis - 1, "partner": self.partner - 1})
-
-
 class ModelFile(FileModel):
     """Content of `model.yaml`; keys not listed here are fields of `IdentifiedRobot`.
 
@@ -114,9 +81,9 @@ class ModelFile(FileModel):
         `friction`.
     robot_file : str, optional
         The robot file, verbatim.
-    local : tuple of LocalRecord
-        Single measurements, with their friction over time; empty for imports and in files of
-        earlier versions.
+    local : tuple of LocalValue
+        Single measurements with their friction over time, axes from 1; empty for imports and in
+        files of earlier versions.
     """
 
     format: Literal[1] = 1
@@ -138,7 +105,7 @@ class ModelFile(FileModel):
     consistent: ConsistentRobot | None = None
     verbatim: ClassVar[frozenset[str]] = frozenset({"robot_file"})
     robot_file: str | None = None
-    local: tuple[LocalRecord, ...] = ()
+    local: tuple[LocalValue, ...] = ()
     torque_effect: tuple[tuple[float, ...], ...] | None = None
     excluded: Excluded | None = None
     prior: FromPrior | None = None
@@ -190,7 +157,7 @@ class ModelFile(FileModel):
             "residual": tuple(None if np.isnan(r) else float(r) for r in model.residual),
             "friction_law": None if details.with_law else model.friction_law,
             "robot_file": model.robot.text,
-            "local": tuple(map(LocalRecord.create, model.local)),
+            "local": _counted(model.local, 1),
             "torque_effect": None if model.torque_effect is None else _rows(model.torque_effect),
         }
         if details.file_key:
@@ -221,7 +188,7 @@ class ModelFile(FileModel):
                 else degrees
             ),
             "residual": np.array([np.nan if r is None else r for r in self.residual]),
-            "local": tuple(each.local() for each in self.local),
+            "local": _counted(self.local, -1),
             "friction_law": law or FrictionLaw.absent(robot.n_joints),
             "details": self.friction or self.back_and_forth or NO_DETAILS,
             "effect": np.array(self.torque_effect or ((),)),
@@ -245,7 +212,11 @@ class ModelFile(FileModel):
         """Return the content as YAML, with the robot file as a separate block."""
         absent = {name for name, value in self if value is None}
         absent |= {name for name in ("validations", "local") if not getattr(self, name)}
-        return write_lines(self.model_dump(mode="json", exclude=absent))
+        left_out: Any = dict.fromkeys(absent, True)
+        believed = {"believed", "believed_error"}
+        return write_lines(
+            self.model_dump(mode="json", exclude={"local": {"__all__": believed}} | left_out)
+        )
 
 
 @lru_cache(maxsize=1)
@@ -297,6 +268,14 @@ def _common(of: IdentifiedRobot | ModelFile) -> dict[str, Any]:
     """Return the fields that a model and its file have in common, by name."""
     names = {each.name for each in fields(IdentifiedRobot)} & ModelFile.model_fields.keys()
     return {name: getattr(of, name) for name in names}
+
+
+def _counted(local: tuple[LocalValue, ...], from_: int) -> tuple[LocalValue, ...]:
+    """Return values with axes that count from 1 more, or less, than before."""
+    return tuple(
+        each.model_copy(update={"axis": each.axis + from_, "partner": each.partner + from_})
+        for each in local
+    )
 
 
 def _rows(matrix: Array) -> tuple[tuple[float, ...], ...]:

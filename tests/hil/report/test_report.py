@@ -363,7 +363,7 @@ class TestPointsOfStep1:
         seen = [(each.shown[0] - each.model) / each.shown[1] for each in local]
         assert abs(raw[1]) > 0.5
         assert np.mean(np.abs(seen)) < 2.0
-        assert all(np.isnan(each.believed) for each in found["published"].local)
+        assert all(each.believed is None for each in found["published"].local)
 
     def test_an_inertia_that_is_wrong_by_a_percent_shows(self, folder, found):
         """Friction has more terms here than in step 1; they must not hide the model's error."""
