@@ -31,7 +31,7 @@ from hil.estimation.excluded.proof import proved
 from hil.estimation.excluded.result import located
 from hil.estimation.excluded.words import name_of
 from hil.estimation.identify import estimate
-from hil.ground_truth.comparison import comparison
+from hil.ground_truth.comparison import Comparison
 from hil.ground_truth.true_parameters import true_parameters
 from hil.imports.importing import import_recordings
 from hil.results.identification import model_of
@@ -232,7 +232,7 @@ def judged(run: Run, robot: Robot, recorded: Sequence[Recorded], truth: Array) -
         loaded = np.flatnonzero(np.nan_to_num(mu / error) > CERTAIN)
         accounted += [("friction of the load", int(axis) + 1) for axis in loaded]
     return Said(model.verdict.word, model.verdict.reason, causes, proof, times, seconds,
-                tuple(accounted), float(np.max(comparison(found, robot, truth).torque)),
+                tuple(accounted), float(np.max(Comparison(found, truth).torque)),
                 is_positive(model))  # fmt: skip
 
 

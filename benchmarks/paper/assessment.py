@@ -18,7 +18,7 @@ from hil.estimation.friction.points import judge_local_values
 from hil.estimation.identify import estimate
 from hil.estimation.signals import CUTOFF, Signals, signals
 from hil.estimation.two_step_methods import TwoStep, local_fits, prepare
-from hil.ground_truth.comparison import comparison
+from hil.ground_truth.comparison import Comparison
 from hil.ground_truth.true_parameters import true_parameters
 from hil.model.base_parameters import base_parameters
 from hil.model.dynamics import gravity_torque, inverse_dynamics
@@ -47,7 +47,7 @@ def assess_strokes(run: Run, plant: Path, *, both: bool) -> Figures:
     raw, _ = prepare(measured)
     fits, _ = local_fits(robot, raw)
     p = found["published"].values
-    judged = {name: comparison(each, robot, truth) for name, each in found.items()}
+    judged = {name: Comparison(each, truth) for name, each in found.items()}
     wrong = [
         (f.sides[0] - f.sides[1] - f.row @ truth) * (f.measurement.kind == "gravity") for f in fits
     ]

@@ -14,7 +14,7 @@ from math import isclose
 from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal
 
 import numpy as np
-from pydantic import AliasChoices, Field, model_validator
+from pydantic import AliasChoices, BeforeValidator, Field, model_validator
 
 from checked_files.yaml_file import FileError, FileModel, line_of, parse_yaml, read_text
 from checked_files.yaml_lines import write_lines
@@ -38,10 +38,21 @@ from hil.results.residual import BandResidual
 if TYPE_CHECKING:
     from pathlib import Path
 
-    from hil.arrays import Array
-
 
 NAME = "model.yaml"
+
+
+def _listed(value: Any) -> Any:
+    """Return an array as nested lists, with None in place of NaN."""
+    if not isinstance(value, np.ndarray):
+        return value
+    found = value.astype(object)
+    found[np.isnan(value)] = None
+    return found.tolist()
+
+
+Vector = Annotated[tuple[float, ...], BeforeValidator(_listed)]
+Matrix = Annotated[tuple[tuple[float, ...], ...], BeforeValidator(_listed)]
 
 
 class Parameter(FileModel):
@@ -89,10 +100,10 @@ class ModelFile(FileModel):
     format: Literal[1] = 1
     provenance: Provenance
     parameters: tuple[Parameter, ...]
-    covariance: tuple[tuple[float, ...], ...]
-    drive_covariance: tuple[tuple[float, ...], ...] | None = None
-    degrees_of_freedom: tuple[float, ...] | None = None
-    residual: tuple[float | None, ...]
+    covariance: Matrix
+    drive_covariance: Matrix | None = None
+    degrees_of_freedom: Vector | None = None
+    residual: Annotated[tuple[float | None, ...], BeforeValidator(_listed)]
     condition: dict[str, float]
     error_budget: tuple[ErrorTerm, ...] = ()
     friction: FreeMotionFit | None = None
@@ -106,7 +117,7 @@ class ModelFile(FileModel):
     verbatim: ClassVar[frozenset[str]] = frozenset({"robot_file"})
     robot_file: str | None = None
     local: tuple[LocalValue, ...] = ()
-    torque_effect: tuple[tuple[float, ...], ...] | None = None
+    torque_effect: Matrix | None = None
     excluded: Excluded | None = None
     prior: FromPrior | None = None
     edges: tuple[Edge, ...] = ()
@@ -151,14 +162,11 @@ class ModelFile(FileModel):
         details = model.details
         own: dict[str, Any] = {
             "parameters": parameters,
-            "covariance": _rows(model.covariance),
-            "drive_covariance": _rows(model.drive_covariance),
-            "degrees_of_freedom": tuple(model.degrees_of_freedom.tolist()),
-            "residual": tuple(None if np.isnan(r) else float(r) for r in model.residual),
+            "covariance": model.covariance,
+            "torque_effect": model.torque_effect,
             "friction_law": None if details.with_law else model.friction_law,
             "robot_file": model.robot.text,
             "local": _counted(model.local, 1),
-            "torque_effect": None if model.torque_effect is None else _rows(model.torque_effect),
         }
         if details.file_key:
             own[details.file_key] = details
@@ -187,7 +195,7 @@ class ModelFile(FileModel):
                 if degrees is None
                 else degrees
             ),
-            "residual": np.array([np.nan if r is None else r for r in self.residual]),
+            "residual": np.array(self.residual, dtype=float),
             "local": _counted(self.local, -1),
             "friction_law": law or FrictionLaw.absent(robot.n_joints),
             "details": self.friction or self.back_and_forth or NO_DETAILS,
@@ -276,7 +284,3 @@ def _counted(local: tuple[LocalValue, ...], from_: int) -> tuple[LocalValue, ...
         each.model_copy(update={"axis": each.axis + from_, "partner": each.partner + from_})
         for each in local
     )
-
-
-def _rows(matrix: Array) -> tuple[tuple[float, ...], ...]:
-    return tuple(tuple(row) for row in matrix.tolist())
