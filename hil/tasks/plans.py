@@ -21,6 +21,7 @@ if TYPE_CHECKING:
     from hil.planning.plan import Plan
     from hil.planning.prediction.precision import Precision
     from hil.planning.workspace import Workspace
+    from hil.results.load import BareRun
     from hil.runs.run import Run
     from hil.show.table import Table
 
@@ -303,7 +304,7 @@ def _trajectory(
 
 def _load(
     now: Now,
-    model: Run | None = None,
+    model: Run | BareRun | None = None,
     minutes: float = 3.0,
     at_most: float | None = None,
     pose: tuple[tuple[int, float], ...] = (),
@@ -324,20 +325,20 @@ def _load(
         ),
     )
     now("reading the run without the load")
-    bare = BareRun(model)
+    bare = model if isinstance(model, BareRun) else BareRun(model)
     known = bare.known
     if refine:
         now("estimating the load and choosing faster measurements")
         slow = Run.open(refine[0])
         found = estimate_load(bare, [slow])
-        return Designed(fast_plan(known, minutes, slow.planned, found, pose), model.robot)
+        return Designed(fast_plan(known, minutes, slow.planned, found, pose), known.robot)
     now("choosing slow measurements")
     plan = slow_plan(known, minutes, at_most, pose)
     held = (
         f"all axes hold a load of {load_capacity(known, plan):.3g} kg in these poses, with its "
         f"centre of mass up to {REACH:g} m from the last frame"
     )
-    return Designed(plan, model.robot, (held,))
+    return Designed(plan, known.robot, (held,))
 
 
 def _required(robot: Robot | None) -> Robot:
