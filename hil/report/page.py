@@ -30,14 +30,11 @@ from hil.view.along_motion import carriers, join_predictions
 from hil.view.page import view_script
 
 if TYPE_CHECKING:
-    from collections.abc import Collection, Iterable, Iterator, Sequence
-
-    from jinja2 import Environment
+    from collections.abc import Collection, Iterator, Sequence
 
     from hil.results.model import Model
     from hil.runs.recording_file import Measured
     from hil.runs.run import Run
-    from hil.show.section import Plot, Section
 
 
 def carried(run: ReportedRun, ids: Collection[str], played: Collection[str]) -> str:
@@ -160,8 +157,17 @@ def report(run: Run | Path | str, figures: Path | None = None) -> Path:
     sections = list(filter(None, (each(whole) for each in registry)))
     path = run.path / NAME
     templates = environment(*TEMPLATES)
-    texts = [(section, _text(templates, section)) for section in sections]
-    charts = [plot.chart for plot in _plots(sections)]
+    texts = [
+        (
+            each,
+            templates.get_template(each.template).render(
+                plots={plot.name: plot for plot in each.plots}, **each.values
+            ),
+        )
+        for each in sections
+    ]
+    plots = [plot for each in sections for plot in each.plots]
+    charts = [plot.chart for plot in plots]
     behind = frozenset[str]().union(*(chart.ids for chart in charts))
     played = {panel.recording for chart in charts for panel in chart.panels if panel.recording}
     values = {
@@ -175,12 +181,11 @@ def report(run: Run | Path | str, figures: Path | None = None) -> Path:
     }
     write_html(path, NAME, view_script() if values["carried"] else "", **values)
     if figures is not None:
-        _write_figures(figures, _plots(sections))
+        with file_errors(figures, "made"):
+            figures.mkdir(parents=True, exist_ok=True)
+        for plot in plots:
+            write_file(figures / f"{plot.name}.svg", plot.file)
     return path
-
-
-def _plots(sections: Iterable[Section]) -> list[Plot]:
-    return [plot for each in sections for plot in each.plots]
 
 
 def _top(run: ReportedRun) -> dict[str, object]:
@@ -228,19 +233,6 @@ def _laws(run: ReportedRun) -> Iterator[Verdict]:
             else ""
         )
         yield Verdict("note", f"axis {each.axis + 1}", f"{each.chosen}{tested}")
-
-
-def _text(templates: Environment, section: Section) -> str:
-    """Render a section."""
-    plots = {plot.name: plot for plot in section.plots}
-    return templates.get_template(section.template).render(plots=plots, **section.values)
-
-
-def _write_figures(folder: Path, plots: Iterable[Plot]) -> None:
-    with file_errors(folder, "made"):
-        folder.mkdir(parents=True, exist_ok=True)
-    for plot in plots:
-        write_file(folder / f"{plot.name}.svg", plot.file)
 
 
 def counts(campaign: Sequence[Measured]) -> str:

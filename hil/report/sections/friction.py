@@ -43,7 +43,6 @@ if TYPE_CHECKING:
 
     from hil.arrays import Array
     from hil.commands.friction import FrictionResult
-    from hil.estimation.estimate import Estimate
     from hil.estimation.friction.points import FrictionPoint
     from hil.estimation.local_fits import LocalValue
     from hil.friction.drift import Drift
@@ -324,6 +323,16 @@ def friction_over_campaign(run: ReportedRun) -> Section | None:
     if run.found.effect is None:
         return None
     local = run.estimate.local
+    plot = Plot(
+        "friction",
+        partial(levels, local, run.robot),
+        "Friction level of every axis over robot time, one panel per axis, markers by kind of "
+        "measurement.",
+        "Friction level of each axis, found with each element in step 1. Levels of different "
+        "kinds come from different fits and may differ by a step; the course of one kind is "
+        f"drift by temperature and lubricant. {friction_change(local)} No effect on the "
+        "parameters: friction is fitted anew in every measurement.",
+    )
     return Section(
         "Friction over the campaign",
         "friction_over_campaign.html",
@@ -333,28 +342,15 @@ def friction_over_campaign(run: ReportedRun) -> Section | None:
             "drift": tables.drift(run.found.drifts),
             "symmetry": tables.symmetry(judge_local_values(local)),
         },
-        (_levels_plot(run.estimate, run.robot),) if local else (),
+        (plot,) if local else (),
     )
 
 
-def _levels_plot(estimate: Estimate, robot: Robot) -> Plot:
-    return Plot(
-        "friction",
-        partial(levels, estimate.local, robot),
-        "Friction level of every axis over robot time, one panel per axis, markers by kind of "
-        "measurement.",
-        "Friction level of each axis, found with each element in step 1. Levels of different "
-        "kinds come from different fits and may differ by a step; the course of one kind is "
-        f"drift by temperature and lubricant. {friction_change(estimate)} No effect on the "
-        "parameters: friction is fitted anew in every measurement.",
-    )
-
-
-def friction_change(estimate: Estimate) -> str:
+def friction_change(local: Sequence[LocalValue]) -> str:
     """Describe the largest change of the friction level within a kind of measurement."""
     spread = {}
-    for axis, kind in sorted({(v.axis, v.kind) for v in estimate.local}):
-        found = [v.friction for v in estimate.local if (v.axis, v.kind) == (axis, kind)]
+    for axis, kind in sorted({(v.axis, v.kind) for v in local}):
+        found = [v.friction for v in local if (v.axis, v.kind) == (axis, kind)]
         if min(found) > 0:
             spread[axis, kind] = max(found) / min(found) - 1.0
     if not spread:

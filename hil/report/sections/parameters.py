@@ -191,21 +191,16 @@ def identified(run: ReportedRun) -> Section | None:
         "remarks": shown.remarks,
         "lengths": run.robot.file.lengths,
     }
-    plots = tuple(_plots(run))
+    plot = Plot(
+        "half-sums",
+        partial(draw_half_sums, run.estimate.half_sums, run.robot),
+        "Torque of the rigid bodies over the position of each axis, measured and modelled.",
+        "Gravity and, during acceleration, inertia: half-sum of forward and backward torque over "
+        "the position, less effects that differ by direction. Means over the pairs with standard "
+        "errors, for the recordings of the longest strokes, one colour each; lines: model.",
+    )
+    plots = (plot,) if run.estimate.half_sums else ()
     return Section("Parameters, friction and torques", "identified.html", values, plots)
-
-
-def _plots(run: ReportedRun) -> Iterator[Plot]:
-    if run.estimate.half_sums:
-        yield Plot(
-            "half-sums",
-            partial(draw_half_sums, run.estimate.half_sums, run.robot),
-            "Torque of the rigid bodies over the position of each axis, measured and modelled.",
-            "Gravity and, during acceleration, inertia: half-sum of forward and backward torque "
-            "over the position, less effects that differ by direction. Means over the pairs with "
-            "standard errors, for the recordings of the longest strokes, one colour each; lines: "
-            "model.",
-        )
 
 
 def draw_half_sums(half_sums: Sequence[HalfSums], robot: Robot) -> Iterator[Panel]:
