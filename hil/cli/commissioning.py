@@ -47,7 +47,6 @@ if TYPE_CHECKING:
     from drivers.operator_tools.sync_period import WakeUps
     from drivers.session.connection import Fieldbus
     from hil.arrays import Array
-    from hil.show.table import Table
     from hil.terminal.keys import TerminalOperator
 
 
@@ -92,7 +91,9 @@ def restore(
         stack.enter_context(interruptible(lambda: ended))
         settings, failed = _put_back(bus, settings, file)
         if settings.restored:
-            BusState(*_kept_bus(settings, bus_name)).forget_run(file)
+            interface, channel = bus_name
+            kept = settings.interface or interface, settings.channel or channel
+            BusState(*kept).forget_run(file)
     if settings.restored:
         say(f"{file}: {_conclusion(settings)}")
     if failed:
@@ -120,11 +121,6 @@ def _put_back(bus: Fieldbus, settings: FoundSettings, file: Path) -> tuple[Found
             typer.echo(each.problem, err=True)
             failed = True
     return settings, failed
-
-
-def _kept_bus(settings: FoundSettings, otherwise: tuple[str, str]) -> tuple[str, str]:
-    interface, channel = otherwise
-    return settings.interface or interface, settings.channel or channel
 
 
 def _bus_of(
@@ -377,23 +373,21 @@ def show_verdicts(verdicts: Iterable[Verdict], console: Console) -> bool:
             console.print(f"\n{place}", style="bold", highlight=False, markup=False)
         counts[verdict.grade.value] += 1
         give_each("verdicts", asdict(verdict) | {"grade": verdict.grade.value})
-        _show_verdict(verdict, console)
+        grade = verdict.grade.value
+        head = Text.assemble((f"{grade:<9}", STYLES[grade]), verdict.check)
+        bound = f"  ({verdict.bound})" if verdict.bound else ""
+        show_beside(head, f"{verdict.found}{bound}", 42, console)
+        if verdict.remedy:
+            show_beside(Text(f"{'':9}->"), verdict.remedy, 12, console)
     total = ", ".join(f"{counts[grade]} {grade}" for grade in STYLES)
     console.print(f"\n{total}", highlight=False)
     return not counts["refused"]
 
 
-def _show_verdict(verdict: Verdict, console: Console) -> None:
-    grade = verdict.grade.value
-    head = Text.assemble((f"{grade:<9}", STYLES[grade]), verdict.check)
-    bound = f"  ({verdict.bound})" if verdict.bound else ""
-    show_beside(head, f"{verdict.found}{bound}", 42, console)
-    if verdict.remedy:
-        show_beside(Text(f"{'':9}->"), verdict.remedy, 12, console)
-
-
 def show_wake_ups(found: WakeUps, in_time: float, console: Console) -> None:
     """Print quantiles of the lateness, the last for the share `in_time`, and a histogram."""
+    import numpy as np
+
     shares = {share: _ms(found.quantile(share)) for share in (0.5, 0.99, in_time)}
     quantiles = ", ".join(f"{100 * share:.4g} % within {late}" for share, late in shares.items())
     show_sentence(
@@ -401,12 +395,6 @@ def show_wake_ups(found: WakeUps, in_time: float, console: Console) -> None:
         f" longest {_ms(found.longest)}",
         console,
     )
-    show(_histogram(found), console)
-
-
-def _histogram(found: WakeUps) -> Table:
-    import numpy as np
-
     classes = np.histogram(found.late, [*EDGES, math.inf])[0].tolist()
     last, most = max(k for k, number in enumerate(classes) if number), max(classes)
     rows = []
@@ -414,7 +402,7 @@ def _histogram(found: WakeUps) -> Table:
         name = f"under {_ms(high)}" if high else f"{_ms(low)} or more"
         bar = "#" * max(round(40 * number / most), 1 if number else 0)
         rows.append((name, str(number), bar))
-    return table("", ("late by", *figures("wake-ups"), ""), rows)
+    show(table("", ("late by", *figures("wake-ups"), ""), rows), console)
 
 
 def _ms(value: float) -> str:

@@ -45,8 +45,6 @@ from hil.cli.results import Accuracy, Method, Others, refuse_unknown
 from hil.terminal.console import give, out, say, working
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Sequence
-
     from hil.commands.fleet import Runs
 
 
@@ -266,10 +264,19 @@ def history(
     """Show how parameters and friction of one machine change over many runs."""
     with working(f"reading {len(folders)} runs") as now:
         from hil.commands.history import monitoring_data, outcome, read_history
+        from hil.results.model_file import file_of
         from hil.runs.run import Run
 
         if identify:
-            _identify([*folders, *([reference] if reference else [])], now)
+            from hil.estimation.identify import default_method
+            from hil.results.findings import found_in
+
+        for folder in (*folders, *([reference] if reference else [])) if identify else ():
+            if folder.is_dir() and not (path := file_of(folder)).exists():
+                now(f"identifying {folder}")
+                run = Run.open(folder)
+                found_in(run, default_method(run.motions)[0]).model.save(path)
+                say(f"model in {path}")
         now(f"comparing {len(folders)} runs")
         found = read_history(folders, reference, wander / 100)
     shown, last = outcome(found), found.runs[-1]
@@ -282,21 +289,6 @@ def history(
         write_page(page, shown)
     if fail_on_change and newest:
         raise typer.Exit(Status.CHANGED)
-
-
-def _identify(folders: Sequence[Path], now: Callable[[str], None]) -> None:
-    """Identify the runs among folders without a model."""
-    from hil.estimation.identify import default_method
-    from hil.results.findings import found_in
-    from hil.results.model_file import file_of
-    from hil.runs.run import Run
-
-    for folder in folders:
-        if folder.is_dir() and not (path := file_of(folder)).exists():
-            now(f"identifying {folder}")
-            run = Run.open(folder)
-            found_in(run, default_method(run.motions)[0]).model.save(path)
-            say(f"model in {path}")
 
 
 fleet_commands = typer.Typer(no_args_is_help=True)

@@ -91,13 +91,26 @@ def run(
 
         the_plan, the_robot = load(plan_file, robot_file, workspace)
         if symmetric is not None:
+            from hil.commands.friction import refuse_asymmetric
+            from hil.runs.run import Run
+
             now(f"testing the friction of {symmetric}")
-            _gate(symmetric, the_robot)
+            for line in refuse_asymmetric(Run.open(symmetric), the_robot):
+                say(line, style="yellow")
     how = OnBus(**vars(where), frame_log=frame_log, realtime=realtime)
     identified = None if rehearse or what_changes else output
     how = replace(how, listeners=listeners(shown, where.bus_option, identified))
     if what_changes:
-        _show_changes(the_plan, the_robot, plan_file, output, how)
+        from hil.cli import bus_access
+        from hil.tasks.bus_state import kept_in
+
+        drives, _ = _check_drives(the_plan, the_robot, plan_file, how)
+        interface, channel = how.interface, how.channel or the_robot.name
+        parse_pairs(how.bus_option)
+        kept = kept_in(output, interface, channel)
+        with bus_access.open_interface(interface, channel, drives.bitrate, how.bus_option) as bus:
+            bus_access.show_changes(drives, bus, kept)
+        say("no object was written, no axis was powered")
     else:
         measure(the_plan, the_robot, plan_file, output, how, resume, speed if rehearse else None)
 
@@ -204,19 +217,6 @@ def measure(
         )
 
 
-def _show_changes(the_plan: Plan, the_robot: Robot, source: Path, output: Path, how: OnBus) -> None:
-    from hil.cli import bus_access
-    from hil.tasks.bus_state import kept_in
-
-    drives, _ = _check_drives(the_plan, the_robot, source, how)
-    channel = how.channel or the_robot.name
-    parse_pairs(how.bus_option)
-    kept = kept_in(output, how.interface, channel)
-    with bus_access.open_interface(how.interface, channel, drives.bitrate, how.bus_option) as bus:
-        bus_access.show_changes(drives, bus, kept)
-    say("no object was written, no axis was powered")
-
-
 def _check_drives(
     the_plan: Plan, the_robot: Robot, source: Path, how: OnBus, *, feeds: bool = False
 ) -> tuple[DrivesFile, str]:
@@ -225,11 +225,3 @@ def _check_drives(
 
     refuse_no_channel(how.interface, how.channel)
     return checked_drives(the_plan, the_robot, how.drives_file, source, feeds=feeds)
-
-
-def _gate(folder: Path, the_robot: Robot) -> None:
-    from hil.commands.friction import refuse_asymmetric
-    from hil.runs.run import Run
-
-    for line in refuse_asymmetric(Run.open(folder), the_robot):
-        say(line, style="yellow")

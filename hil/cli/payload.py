@@ -22,7 +22,6 @@ from hil.terminal.console import say, working
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from hil.cli.measuring import OnBus
     from hil.estimation.loads.figures import Load
     from hil.planning.plan import Plan
     from hil.results.load_file import LoadFile
@@ -130,10 +129,13 @@ def measure(
 ) -> None:
     """Measure a load, slowly and then faster; the robot moves."""
     from hil.cli.measuring import OnBus
+    from hil.cli.measuring import measure as measured
     from hil.commands.payload import advised, verdict
+    from hil.planning.timetable import timetable
     from hil.results.load import BareRun, LoadFit, find_load
     from hil.results.load_file import NAME, write_load
     from hil.runs.run import Run
+    from hil.show.rounding import clock, count
     from hil.tasks.plans import designed
 
     if mass is not None and at_most is not None and mass > at_most:
@@ -151,9 +153,13 @@ def measure(
             with working(f"planning {stage} measurements") as now:
                 found = designed("load", now, **kind, **more)
             plan = found.plan
-            _show_stage(stage, plan, bare_run)
+            entries = timetable(plan, bare_run.robot, plan.measurements)
+            lasts = clock(sum(each.travel + each.duration for each in entries))
+            say(f"{stage}: {count(len(entries), 'measurement')} in {lasts} min of motion")
             show(*found.shown)
-        _carry_out(plan, bare_run, output / stage, how, resume=resume)
+        folder = output / stage
+        again = resume and (folder / "run.json").exists()
+        measured(plan, bare_run.robot, folder / "plan.yaml", folder, how, again)
     runs = [Run.open(output / stage_of) for stage_of in (SLOW, FAST)]
     with working("estimating the load"):
         load = find_load(bare, runs, mass)
@@ -208,19 +214,3 @@ def _kept_plan(folder: Path, bare: Run) -> Plan | None:
             " folder with -o"
         )
     return run.planned
-
-
-def _carry_out(plan: Plan, bare: Run, folder: Path, how: OnBus, *, resume: bool) -> None:
-    from hil.cli.measuring import measure as measured
-
-    again = resume and (folder / "run.json").exists()
-    measured(plan, bare.robot, folder / "plan.yaml", folder, how, again)
-
-
-def _show_stage(name: str, plan: Plan, bare: Run) -> None:
-    from hil.planning.timetable import timetable
-    from hil.show.rounding import clock, count
-
-    entries = timetable(plan, bare.robot, plan.measurements)
-    lasts = clock(sum(each.travel + each.duration for each in entries))
-    say(f"{name}: {count(len(entries), 'measurement')} in {lasts} min of motion")

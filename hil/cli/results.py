@@ -201,14 +201,26 @@ def report(
     """Write the report of a run; one HTML file."""
     begun = perf_counter()
     with working("reading the run") as now:
+        from checked_files.yaml_file import FileError
+        from hil.estimation.identify import METHODS, RIVALS
         from hil.report import page as module
+        from hil.results.model_file import NAME, read_model_file
         from hil.runs.run import Run
 
         refuse_unwritable(folder / module.NAME)
         run = Run.open(folder).exclude(without or ())
         now(f"identifying {run.robot.name} and drawing the report")
         path = module.report(run, figures)
-    _show_unusable_model(run)
+    # the reason for ignoring an existing model: damaged, edited, or of a rival method
+    kept, why = run.path / NAME, None
+    try:
+        used = read_model_file(kept).provenance.method if kept.exists() else None
+        if used is not None and used not in METHODS:
+            why = f"{kept}: {used} method; {RIVALS}"
+    except FileError as error:
+        why = str(error)
+    if why is not None:
+        say(f"model not used, the report shows a new estimate: {why}", style="yellow")
     _show_shortfall(run)
     say_simulated(run)
     say(f"report in {path} ({perf_counter() - begun:.1f} s)")
@@ -300,20 +312,3 @@ def show_bodies(model: Model) -> None:
 def _show_shortfall(run: Run) -> None:
     if run.shortfall:
         say(run.shortfall, style="yellow")
-
-
-def _show_unusable_model(run: Run) -> None:
-    """State the reason for ignoring an existing model: damaged, edited, or of a rival method."""
-    from checked_files.yaml_file import FileError
-    from hil.estimation.identify import METHODS, RIVALS
-    from hil.results.model_file import NAME, read_model_file
-
-    path, why = run.path / NAME, None
-    try:
-        method = read_model_file(path).provenance.method if path.exists() else None
-        if method is not None and method not in METHODS:
-            why = f"{path}: {method} method; {RIVALS}"
-    except FileError as error:
-        why = str(error)
-    if why is not None:
-        say(f"model not used, the report shows a new estimate: {why}", style="yellow")

@@ -285,10 +285,26 @@ def outcome(found: History) -> Outcome:
     newest = found.runs[-1]
     changed = [Verdict("doubtful", "changed", each) for each in found.sentences(newest)]
     unchanged = Verdict("good", "unchanged", f"{newest.label}: nothing changed significantly")
+    names: dict[Kind, str] = {
+        "gravity parameter": "Gravity parameters", "inertia parameter": "Inertia parameters",
+        "friction level": "Friction", "offset": "Offsets",
+    }  # fmt: skip
+    places = {
+        kind: [k for k, each in enumerate(found.quantities) if each.kind == kind] for kind in names
+    }
     return Outcome(
         (runs_table(found), condition(found), changed_table(found.marked)),
         verdicts=tuple(changed) or (unchanged,),
-        plots=tuple(_plots(found)),
+        plots=tuple(
+            Plot(
+                kind.replace(" ", "-"),
+                partial(time_chart, found, places[kind]),
+                f"{name} over time, one panel each",
+                f"{name} over time. {_CAPTION}",
+            )
+            for kind, name in names.items()
+            if places[kind]
+        ),
         title=f"{found.robot.name}: condition over time",
         simulated=any(run.model.provenance.any_simulated for run in found.runs),
         note="A run of an unchanged machine is marked with a probability of at most "
@@ -436,23 +452,6 @@ _CAPTION = (
 )
 
 
-def _plots(found: History) -> Iterator[Plot]:
-    """Yield a plot for each kind of known quantity."""
-    names: dict[Kind, str] = {
-        "gravity parameter": "Gravity parameters", "inertia parameter": "Inertia parameters",
-        "friction level": "Friction", "offset": "Offsets",
-    }  # fmt: skip
-    for kind, name in names.items():
-        places = [k for k, each in enumerate(found.quantities) if each.kind == kind]
-        if places:
-            yield Plot(
-                kind.replace(" ", "-"),
-                partial(time_chart, found, places),
-                f"{name} over time, one panel each",
-                f"{name} over time. {_CAPTION}",
-            )
-
-
 def time_chart(found: History, places: Sequence[int]) -> Iterator[Panel]:
     """Draw the quantities at `places`, one panel per quantity."""
     # days or hours; run numbers if a run has no date
@@ -464,27 +463,25 @@ def time_chart(found: History, places: Sequence[int]) -> Iterator[Panel]:
         if np.ptp(at) >= 48.0:
             at, label = at / 24.0, "days since the first run"
     for place in places:
+        quantity, items = found.quantities[place], []
+        readings = [run.readings[place] for run in found.runs]
+        marked = {each.run for each in found.marked if each.quantity == quantity}
+        for name, colour, marks in (("as before", MEASURED, False), ("changed", MODEL, True)):
+            shown = [
+                (t, read.value, read.half_width, read.allowance)
+                for t, run, read in zip(at, found.runs, readings, strict=True)
+                if read is not None and (run.label in marked) == marks
+            ]
+            t, value, half, allowance = np.array(shown).reshape(-1, 4).T
+            if shown:
+                items += [
+                    Points(t, value, "o", MUTED, error=half + allowance, size=0.5),
+                    Points(t, value, "o", colour, name, error=half, size=2.4),
+                ]
         yield Panel(
-            tuple(_readings(found, place, at)),
-            title=found.quantities[place].title,
+            tuple(items),
+            title=quantity.title,
             x_label=label,
-            y_label=unit(found.quantities[place].unit),
+            y_label=unit(quantity.unit),
             height=105.0,
         )
-
-
-def _readings(found: History, place: int, at: np.ndarray) -> Iterator[Points]:
-    quantity = found.quantities[place]
-    readings = [run.readings[place] for run in found.runs]
-    marked = {each.run for each in found.marked if each.quantity == quantity}
-    groups = (("as before", MEASURED, False), ("changed", MODEL, True))
-    for name, colour, marks in groups:
-        shown = [
-            (t, read.value, read.half_width, read.allowance)
-            for t, run, read in zip(at, found.runs, readings, strict=True)
-            if read is not None and (run.label in marked) == marks
-        ]
-        t, value, half, allowance = np.array(shown).reshape(-1, 4).T
-        if shown:
-            yield Points(t, value, "o", MUTED, error=half + allowance, size=0.5)
-            yield Points(t, value, "o", colour, name, error=half, size=2.4)

@@ -105,8 +105,19 @@ class ReportedRun:
 
     @cached_property
     def found(self) -> Findings:
-        """Results of `hil identify`, by the method of the kept model."""
-        return found_in(self.source, *_method(self.source), self.campaign)
+        """Results of `hil identify`, by the method of the kept model and with its other runs.
+
+        Without a model, the method follows from the recordings.
+        """
+        run = self.source
+        method, together = default_method(run.motions)[0], tuple[str, ...]()
+        with suppress(FileError):
+            origin = read_model_file(run.path / NAME).provenance
+            if origin.method in METHODS:
+                method, together = origin.method, origin.together_with
+        others = together if method == JOINT else ()
+        beside = tuple(Run.open(_neighbour(run, Path(each))) for each in others)
+        return found_in(run, method, beside, self.campaign)
 
     @property
     def estimate(self) -> Model:
@@ -154,20 +165,6 @@ class ReportedRun:
     def local_values(self, kind: str) -> list[LocalValue]:
         """Return the local values of a kind of measurement, in the order of the plan."""
         return [value for value in self.estimate.local if value.kind == kind]
-
-
-def _method(run: Run) -> tuple[str, tuple[Run, ...]]:
-    """Return the method of the kept model, and jointly identified runs.
-
-    Without a model, the method follows from the recordings.
-    """
-    method, together = default_method(run.motions)[0], tuple[str, ...]()
-    with suppress(FileError):
-        origin = read_model_file(run.path / NAME).provenance
-        if origin.method in METHODS:
-            method, together = origin.method, origin.together_with
-    others = together if method == JOINT else ()
-    return method, tuple(Run.open(_neighbour(run, Path(each))) for each in others)
 
 
 def _neighbour(run: Run, path: Path) -> Path:

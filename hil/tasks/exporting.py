@@ -23,12 +23,10 @@ from hil.runs.pooling import pooled
 from hil.runs.run import Run
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterable, Iterator
+    from collections.abc import Callable, Iterator
 
     from hil.export.exported import Exported
     from hil.export.urdf_file import Given
-    from hil.planning.measurement import RecordedMotion
-    from hil.runs.recording import Recording
 
 
 def export(
@@ -198,10 +196,6 @@ def _add_bodies(
     if model.consistent is not None and bounds is None and likely is None:
         return model
     of = SHAPES if given is None or likely is None else f"the inertials of {given.path}"
-    return find_consistent_robot(model, _recordings(source), bounds or BodyBounds(), likely, of)
-
-
-def _recordings(source: Path) -> Iterable[tuple[RecordedMotion, Recording]]:
-    """Return the recordings of the run in the model's folder; none without a run."""
     folder = file_of(source).parent
-    return pooled([Run.open(folder)]) if (folder / "run.json").exists() else ()
+    recordings = pooled([Run.open(folder)]) if (folder / "run.json").exists() else ()
+    return find_consistent_robot(model, recordings, bounds or BodyBounds(), likely, of)

@@ -41,14 +41,12 @@ from hil.view.along_motion import most_demanding
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator, Sequence
 
-    from hil.arrays import Array
     from hil.commands.friction import FrictionResult
     from hil.estimation.friction.points import FrictionPoint
     from hil.estimation.local_fits import LocalValue
     from hil.friction.drift import Drift
     from hil.friction.law import AxisLaw
     from hil.model.robot import Robot
-    from hil.planning.measurement import ElementKind
     from hil.report.reported_run import ReportedRun
     from hil.results.model import Model
     from hil.results.recorded_torque import PredictedTorque
@@ -185,17 +183,6 @@ def _law(
     )  # fmt: skip
 
 
-def _characteristic(own: Sequence[FrictionPoint], colour: str, label: str) -> Iterator[Item]:
-    """Draw friction in both directions over velocity."""
-    v = np.array([point.velocity for point in own])
-    forward = np.array([point.forward for point in own])
-    backward = np.array([point.backward for point in own])
-    x, y = np.append(-v[::-1], v), np.append(backward[::-1], forward)
-    ids = [point.id for point in own]
-    yield Line(x, y, colour)
-    yield Points(x, y, "o", colour, label, ids=[*ids[::-1], *ids], size=2.0)
-
-
 def model_curves(result: FrictionResult) -> Iterator[Panel]:
     """Draw measured friction and fitted models of the axes: Fig. 1b."""
     for fit in result.axes:
@@ -224,30 +211,26 @@ def model_curves(result: FrictionResult) -> Iterator[Panel]:
 def draw_levels(drifts: Sequence[Drift]) -> Iterator[Panel]:
     """Draw friction levels over time with the fitted drift model: Fig. 2a."""
     for each in drifts:
+        minutes = np.array([level.time for level in each.levels]) / 60
+        measured = np.array([level.friction for level in each.levels])
+        groups = [level.group for level in each.levels]
+        items: list[Item] = []
+        for group in dict.fromkeys(groups):
+            own = np.array([g == group for g in groups])
+            base, t = measured[own].mean(), minutes[own]
+            # a gap where the pause exceeds three times the usual interval
+            pauses = np.diff(t, prepend=t[:1])
+            fitted = np.where(pauses > 3.0 * np.median(pauses), np.nan, each.fitted[own] / base)
+            items += (
+                Points(t, measured[own] / base, "o", label="measured", size=1.8),
+                Line(t, fitted, label="two states, three time constants"),
+            )
         yield Panel(
-            tuple(_levels_in_time(each)),
+            tuple(items),
             title=f"axis {each.axis + 1}",
             x_label="time [min]",
             y_label="friction / its mean",
         )
-
-
-def _levels_in_time(drift: Drift) -> Iterator[Item]:
-    minutes = np.array([level.time for level in drift.levels]) / 60
-    measured = np.array([level.friction for level in drift.levels])
-    groups = [level.group for level in drift.levels]
-    for group in dict.fromkeys(groups):
-        own = np.array([g == group for g in groups])
-        base = measured[own].mean()
-        yield Points(minutes[own], measured[own] / base, "o", label="measured", size=1.8)
-        yield Line(minutes[own], _insert_gaps(minutes[own], drift.fitted[own] / base),
-                   label="two states, three time constants")  # fmt: skip
-
-
-def _insert_gaps(minutes: Array, fitted: Array) -> Array:
-    """Insert gaps where the pause exceeds three times the usual interval."""
-    pauses = np.diff(minutes, prepend=minutes[:1])
-    return np.where(pauses > 3.0 * np.median(pauses), np.nan, fitted)
 
 
 def operation_curves(result: FrictionResult) -> Iterator[Panel]:
@@ -259,7 +242,15 @@ def operation_curves(result: FrictionResult) -> Iterator[Panel]:
         for curve, colour in zip(curves, ordered_colours(len(curves)), strict=True):
             own = sorted(curve, key=lambda p: p.velocity)
             after = f"after {(curve[0].time - begin) / 60:.0f} min of operation"
-            items += _characteristic(own, colour, after)
+            v = np.array([point.velocity for point in own])
+            forward = [point.forward for point in own]
+            backward = [point.backward for point in own]
+            x, y = np.append(-v[::-1], v), np.append(backward[::-1], forward)
+            ids = [point.id for point in own]
+            items += (
+                Line(x, y, colour),
+                Points(x, y, "o", colour, after, ids=[*ids[::-1], *ids], size=2.0),
+            )
         yield Panel(
             tuple(items),
             title=f"axis {axis + 1}",
@@ -289,33 +280,27 @@ def levels(local: Sequence[LocalValue], robot: Robot) -> Iterator[Panel]:
     """Draw the friction of the axes over a campaign, from step 1."""
     last = max((value.time for value in local), default=0.0) / 60
     for axis in sorted({value.axis for value in local}):
+        items = []
+        for name, kind in ELEMENT_KINDS.items():
+            own = [value for value in local if (value.axis, value.kind) == (axis, name)]
+            speed = "creep speed" if kind.pair else f"{REFERENCE_SPEED:.0%} of the speed limit"
+            items.append(Points(
+                [value.time / 60 for value in own],
+                [value.friction for value in own],
+                kind.marker,
+                kind.colour,
+                f"{kind.name}, at {speed}",
+                ids=[value.id for value in own],
+                size=2.6,
+            ))  # fmt: skip
         yield Panel(
-            tuple(_levels([value for value in local if value.axis == axis])),
+            tuple(items),
             title=f"axis {axis + 1}",
             x_label="robot time [min]",
             y_label=f"friction [{robot.torque_unit(axis)}]",
             x_range=(-0.02 * last, 1.02 * last),
             height=125.0,
         )
-
-
-def _levels(own: Sequence[LocalValue]) -> Iterator[Item]:
-    for name, kind in ELEMENT_KINDS.items():
-        chosen = [value for value in own if value.kind == name]
-        yield Points(
-            [value.time / 60 for value in chosen],
-            [value.friction for value in chosen],
-            kind.marker,
-            kind.colour,
-            _friction_label(kind),
-            ids=[value.id for value in chosen],
-            size=2.6,
-        )
-
-
-def _friction_label(kind: ElementKind) -> str:
-    speed = "creep speed" if kind.pair else f"{REFERENCE_SPEED:.0%} of the speed limit"
-    return f"{kind.name}, at {speed}"
 
 
 def friction_over_campaign(run: ReportedRun) -> Section | None:
@@ -373,10 +358,22 @@ def friction(run: ReportedRun) -> Section | None:
         "symmetry": tables.symmetry(result.symmetry),
         "drift": tables.drift(result.drifts),
     }
-    shown = tuple(_friction_plots(result))
-    if result.axes and run.is_identified:
-        shown = (models_plot(result), *shown)
-    return Section("Friction", "friction.html", values, shown)
+    shown = [models_plot(result)] if result.axes and run.is_identified else []
+    if result.drifts:
+        shown.append(Plot(
+            "over-time",
+            partial(draw_levels, result.drifts),
+            "Friction level over time, one panel per axis.",
+            "Friction level in the course of time (Fig. 2a).",
+        ))  # fmt: skip
+    if axes_in_operation(result):
+        shown.append(Plot(
+            "in-operation",
+            partial(operation_curves, result),
+            "Friction characteristics after several durations of operation.",
+            "Friction characteristics after several durations of continuous operation (Fig. 2b).",
+        ))  # fmt: skip
+    return Section("Friction", "friction.html", values, tuple(shown))
 
 
 def models_plot(result: FrictionResult) -> Plot:
@@ -387,20 +384,3 @@ def models_plot(result: FrictionResult) -> Plot:
         "Friction over speed with fitted models, one panel per axis.",
         "Measured friction and the models fitted to it (Fig. 1b); thick: the chosen model.",
     )
-
-
-def _friction_plots(result: FrictionResult) -> Iterator[Plot]:
-    if result.drifts:
-        yield Plot(
-            "over-time",
-            partial(draw_levels, result.drifts),
-            "Friction level over time, one panel per axis.",
-            "Friction level in the course of time (Fig. 2a).",
-        )
-    if axes_in_operation(result):
-        yield Plot(
-            "in-operation",
-            partial(operation_curves, result),
-            "Friction characteristics after several durations of operation.",
-            "Friction characteristics after several durations of continuous operation (Fig. 2b).",
-        )
