@@ -197,7 +197,15 @@ def accept(
     Exit status 3 where the run failed.
     """
     if draft and limits is None:
-        _draft(folder, output, factor)
+        from hil.commands.accept import draft_limits, write_limits
+
+        refuse_existing(output)
+        refuse_no_folder(output)
+        with working("reading the run"):
+            drafted = draft_limits(folder, factor)
+        write_limits(output, drafted)
+        say(f"{len(drafted.quantities) + len(drafted.residual)} limits in {output}; adjust them to "
+            "the permitted variation of the series")  # fmt: skip
         return
     if draft or limits is None:
         raise typer.BadParameter("give either --limits FILE or --draft", param_hint="--limits")
@@ -217,18 +225,6 @@ def accept(
         if before := reference or drafted_from:
             show_causes(before, run)
         raise typer.Exit(Status.REFUSED)
-
-
-def _draft(folder: Path, output: Path, factor: float) -> None:
-    from hil.commands.accept import draft_limits, write_limits
-
-    refuse_existing(output)
-    refuse_no_folder(output)
-    with working("reading the run"):
-        found = draft_limits(folder, factor)
-    write_limits(output, found)
-    say(f"{len(found.quantities) + len(found.residual)} limits in {output}; adjust them to the "
-        "permitted variation of the series")  # fmt: skip
 
 
 @commands.command()

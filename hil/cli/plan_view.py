@@ -25,11 +25,9 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
-    from hil.model.base_parameters import BaseParameters
     from hil.model.robot import Robot
     from hil.planning.dry_run import DryRun
     from hil.planning.prediction.precision import Precision
-    from hil.show.table import Table
 
 
 _GROUP_TITLES = {
@@ -66,26 +64,21 @@ def render_robot(robot: Robot) -> None:
         say(", ".join(f"{name} = {value:g} m" for name, value in robot.file.lengths.items()))
     widest = 12  # maximum number of joints for a readable table of M and g on a terminal
     if robot.n_joints <= widest:
-        show(_dependencies(robot, base), out)
+        # M in its upper triangle, by symmetry, and g
+        joints, occurs = range(robot.n_joints), []
+        for i in joints:
+            cells = [_numbers(base.dependencies.mass[i, j]) if j >= i else "" for j in joints]
+            occurs.append((f"i = {i + 1}", *cells, _numbers(base.dependencies.gravity[i])))
+        named = (*(f"M_i{j + 1}" for j in joints), "g_i")
+        columns: tuple[str | Column, ...] = (
+            "", *(Column(head, "right", folds=True) for head in named),
+        )  # fmt: skip
+        show(table("parameters p_k that occur in M_ij(q) and g_i(q), by k", columns, occurs), out)
     else:
         say(
             f"the table of parameters by element has {robot.n_joints} columns, at most {widest} "
             "are shown; in Python: base_parameters(robot).dependencies"
         )
-
-
-def _dependencies(robot: Robot, base: BaseParameters) -> Table:
-    """Return the table of parameters in M (upper triangle, by symmetry) and g."""
-    joints = range(robot.n_joints)
-    heads = (*(f"M_i{j + 1}" for j in joints), "g_i")
-    rows = []
-    for i in joints:
-        cells = [_numbers(base.dependencies.mass[i, j]) if j >= i else "" for j in joints]
-        rows.append((f"i = {i + 1}", *cells, _numbers(base.dependencies.gravity[i])))
-    columns: tuple[str | Column, ...] = (
-        "", *(Column(head, "right", folds=True) for head in heads),
-    )  # fmt: skip
-    return table("parameters p_k that occur in M_ij(q) and g_i(q), by k", columns, rows)
 
 
 def _numbers(occurs: NDArray[np.bool_]) -> str:

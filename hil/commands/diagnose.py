@@ -223,7 +223,7 @@ def outcome(run: Run, found: Diagnosis) -> Outcome:
     own_folder(run.path / PLOTS)
     for name, drawn in charts.items():
         write_file(run.path / PLOTS / f"{name}.svg", file(drawn))
-    tables = *shown.tables, drive_train(found.estimate, robot)
+    tables = *shown.tables, drive_train(found.estimate)
     return replace(shown, tables=tables, simulated=run.journal.simulated)
 
 

@@ -314,7 +314,28 @@ def outcome(found: History) -> Outcome:
 
 def monitoring_data(found: History) -> dict[str, Any]:
     """Return a history as data for JSON, for monitoring systems."""
-    newest = found.tests(found.runs[-1])
+    newest, runs = found.tests(found.runs[-1]), []
+    for run in found.runs:
+        tests, common = found.tests(run), found.common.items()
+        runs.append({
+            "run": run.label,
+            "measured": run.measured or None,
+            "method": run.model.method,
+            "changed": any(each.marked for each in tests),
+            "tests": len(tests),
+            "common_friction": {
+                against: share for (label, against), share in common if label == run.label
+            },
+            "values": {
+                quantity.name: read
+                and {
+                    "value": read.value,
+                    "half_width_95": read.half_width,
+                    "temperature_allowance": read.allowance,
+                }
+                for quantity, read in zip(found.quantities, run.readings, strict=True)
+            },
+        })  # fmt: skip
     return {
         "format": 1,
         "written": now(),
@@ -323,7 +344,7 @@ def monitoring_data(found: History) -> dict[str, Any]:
         "false_alarm_rate": SIGNIFICANT,
         "newest_changed": any(each.marked for each in newest),
         "quantities": [each._asdict() for each in found.quantities],
-        "runs": [_run_content(found, run) for run in found.runs],
+        "runs": runs,
         "changes": [
             {
                 "run": each.run,
@@ -352,29 +373,6 @@ def monitoring_data(found: History) -> dict[str, Any]:
             for each in found.rescaled
         ],
         "notes": list(found.notes),
-    }
-
-
-def _run_content(found: History, run: KnownRun) -> dict[str, Any]:
-    tests = found.tests(run)
-    return {
-        "run": run.label,
-        "measured": run.measured or None,
-        "method": run.model.method,
-        "changed": any(each.marked for each in tests),
-        "tests": len(tests),
-        "common_friction": {
-            against: share for (label, against), share in found.common.items() if label == run.label
-        },
-        "values": {
-            quantity.name: read
-            and {
-                "value": read.value,
-                "half_width_95": read.half_width,
-                "temperature_allowance": read.allowance,
-            }
-            for quantity, read in zip(found.quantities, run.readings, strict=True)
-        },
     }
 
 

@@ -39,7 +39,7 @@ from hil.show.section import Plot, Section
 from hil.view.along_motion import most_demanding
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Iterator, Sequence
+    from collections.abc import Callable, Iterable, Iterator, Sequence
 
     from hil.commands.friction import FrictionResult
     from hil.estimation.friction.points import FrictionPoint
@@ -66,61 +66,45 @@ STYLES = {
 
 def torque(run: ReportedRun) -> Section | None:
     """Create the section of torques over time and friction over speed."""
-    plots = (*_torque_plots(run), *_friction(run))
-    return Section("Torque", "torque.html", plots=plots, leads=True) if plots else None
-
-
-def _torque_plots(run: ReportedRun) -> Iterator[Plot]:
-    found = run.shown_torques if run.is_identified else None
-    if found is None or not found.stretches:
-        return
-    fitted = sorted({each.axis + 1 for each in found.stretches.values() if not each.own_friction})
-    beside = (
-        f" Friction of axis {', '.join(map(str, fitted))} (no law in the model) is fitted in the "
-        "recording."
-        if fitted
-        else ""
-    )
-    yield Plot(
-        "torque",
-        lambda: torque_chart(most_demanding(found.stretches), run.robot),
-        "Measured and predicted torque of every axis over time with its interval of 95 %, and their"
-        " difference below.",
-        f"Measured and predicted torque, low-passed; below, the residual. {found.words} Each "
-        "axis in a recording with large torques; no prediction close to standstill, where "
-        f"friction is not a function of velocity.{beside}",
-    )
-
-
-def _friction(run: ReportedRun) -> Iterator[Plot]:
+    plots: list[Plot] = []
     if not run.is_identified:
-        if run.friction is not None and run.friction.axes:
-            yield models_plot(run.friction)
-    elif curves := run.model.details.curves:
-        yield _law_plot(
-            partial(friction_curves, curves, run.robot),
+        plots += [models_plot(run.friction)] if run.friction and run.friction.axes else []
+        return Section("Torque", "torque.html", plots=tuple(plots), leads=True) if plots else None
+    model, found = run.model, run.shown_torques
+    if found.stretches:
+        axes = {each.axis + 1 for each in found.stretches.values() if not each.own_friction}
+        fitted = ", ".join(map(str, sorted(axes)))
+        beside = f" Friction of axis {fitted} (no law in the model) is fitted in the recording."
+        plots.append(Plot(
+            "torque",
+            lambda: torque_chart(most_demanding(found.stretches), run.robot),
+            "Measured and predicted torque of every axis over time with its interval of 95 %, and"
+            " their difference below.",
+            f"Measured and predicted torque, low-passed; below, the residual. {found.words} Each "
+            "axis in a recording with large torques; no prediction close to standstill, where "
+            f"friction is not a function of velocity.{beside if fitted else ''}",
+        ))  # fmt: skip
+    draw: Callable[[], Iterator[Panel]] | None = None
+    if curves := model.details.curves:
+        draw, words = partial(friction_curves, curves, run.robot), (
             "half-differences of forward and backward torque, less that of the rigid bodies, "
-            "with intervals of 95 %. Dashed: Coulomb and viscous friction alone.",
-        )
-    elif run.model.friction_law.known and run.shown_torques.stretches:
-        yield _law_plot(
-            lambda: draw_friction(
-                run.model,
-                run.shown_torques.stretches.values(),
-                linked=run.shown_torques is run.own_torques,
-            ),
+            "with intervals of 95 %. Dashed: Coulomb and viscous friction alone."
+        )  # fmt: skip
+    elif model.friction_law.known and found.stretches:
+        linked = found is run.own_torques
+        draw = partial(draw_friction, model, found.stretches.values(), linked=linked)
+        words = (
             "measured torque less that of rigid bodies and motors, and the friction law at no "
-            "load with its interval of 95 %, wander included.",
+            "load with its interval of 95 %, wander included."
         )
-
-
-def _law_plot(draw: object, words: str) -> Plot:
-    return Plot(
-        "friction-law",
-        draw,  # type: ignore[arg-type]
-        "Friction of every axis over its speed, measured and by the law of friction.",
-        f"Torque of friction over the speed: {words}",
-    )
+    if draw is not None:
+        plots.append(Plot(
+            "friction-law",
+            draw,
+            "Friction of every axis over its speed, measured and by the law of friction.",
+            f"Torque of friction over the speed: {words}",
+        ))  # fmt: skip
+    return Section("Torque", "torque.html", plots=tuple(plots), leads=True) if plots else None
 
 
 def draw_friction(

@@ -148,7 +148,7 @@ def advice(run: ReportedRun) -> Section | None:
 
 def drive_trains(run: ReportedRun) -> Section | None:
     """Create the section of drive trains; None without estimates."""
-    axes = drive_train(run.estimate, run.robot)
+    axes = drive_train(run.estimate)
     if not axes:
         return None
     return Section("Drive trains", "drive_train.html", {"axes": axes})
