@@ -105,7 +105,7 @@ class ReportedRun:
 
     @cached_property
     def found(self) -> Findings:
-        """Results of `hil identify`, by the method of the kept model and with its other runs.
+        """Results of `hil identify`, by the method and with the other runs of the kept model.
 
         Without a model, the method follows from the recordings.
         """
