@@ -21,7 +21,7 @@ import numpy as np
 from figures import Figure, keep
 
 from hil.estimation.identify import estimate
-from hil.ground_truth.comparison import Comparison, comparison
+from hil.ground_truth.comparison import Comparison
 from hil.ground_truth.true_parameters import true_parameters
 from hil.results.prediction import free_torques
 from hil.runs.pooling import recorded
@@ -93,9 +93,7 @@ def judge(
     """Return the estimates of a run by all methods, with their errors."""
     truth, measured = true_parameters(folder.robot, plant), list(recorded(folder))
     every = {method: estimate(folder.robot, measured, method) for method in methods}
-    return {
-        method: (found, comparison(found, folder.robot, truth)) for method, found in every.items()
-    }
+    return {method: (found, Comparison(found, truth)) for method, found in every.items()}
 
 
 def extent(folder: Run) -> str:

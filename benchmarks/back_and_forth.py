@@ -168,10 +168,10 @@ def judged(run: Run, plant: Path, method: str) -> Judged:
     free = FreeTorques(run.robot)
     rms = free.rms(truth)
     wrong, missing = (
-        100 * float(np.nanmean(free.rms(x) / rms)) for x in (found.p - shown, truth - shown)
+        100 * float(np.nanmean(free.rms(x) / rms)) for x in (found.values - shown, truth - shown)
     )
-    inside = (np.abs(found.p - shown) <= found.half_width())[kept]
-    half = np.median((found.half_width() / np.abs(found.p - shown).clip(1e-12))[kept])
+    inside = (np.abs(found.values - shown) <= found.half_width())[kept]
+    half = np.median((found.half_width() / np.abs(found.values - shown).clip(1e-12))[kept])
     return Judged(wrong, missing, int(inside.sum()), int(kept.sum()), float(half))
 
 

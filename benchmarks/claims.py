@@ -231,7 +231,7 @@ def assess(run: Path) -> tuple[dict[str, Comparison], list[str]]:
     strokes = any(shows_element(m) for m in folder.plan.measurements)
     methods = ("improved", "published") if strokes else ("improved",)
     judged = judge(folder, methods, run.with_suffix(".yaml"))
-    budget = error_budget(judged["improved"][0], folder.robot)
+    budget = error_budget(judged["improved"][0])
     return {method: each for method, (_, each) in judged.items()}, [term.cause for term in budget]
 
 
@@ -303,8 +303,9 @@ def print_payload(folder: Path, seeds: Sequence[int]) -> None:
         whole = regression(bare_run, loaded=[Run.open(loaded)]).fit()
         assert whole.before is not None
         assert whole.after is not None
-        found, changed = whole.load, whole.after.p - whole.before.p
-        error = np.sqrt(np.diag(whole.before.covariance + whole.after.covariance))
+        found, changed = whole.load, whole.after.values - whole.before.values
+        variance = whole.before.scatter_covariance + whole.after.scatter_covariance
+        error = np.sqrt(np.diag(variance))
         truth = true_parameters(robot, loaded.with_suffix(".yaml")) - bare
         change.append(100 * float(np.linalg.norm(changed - truth) / np.linalg.norm(truth)))
         load = dict(zip(LINK_PARAMETERS, found.phi, strict=True))

@@ -59,8 +59,8 @@ def main() -> None:
         for kind in KINDS:
             run = measured(folder, kind, seed)
             made = estimate(run.robot, Pooled([run]), "improved")
-            found[kind].append(made.p)
-            errors.append(np.sqrt(np.diag(made.covariance)))
+            found[kind].append(made.values)
+            errors.append(np.sqrt(np.diag(made.scatter_covariance)))
             print(kind, seed, flush=True)
     error = np.sqrt(np.mean(np.square(errors), axis=0))
     # estimates over standard errors, shape (seeds, n_base)

@@ -31,7 +31,7 @@ from hil.estimation.excluded.proof import proved
 from hil.estimation.excluded.result import located
 from hil.estimation.excluded.words import name_of
 from hil.estimation.identify import estimate
-from hil.ground_truth.comparison import comparison
+from hil.ground_truth.comparison import Comparison
 from hil.ground_truth.true_parameters import true_parameters
 from hil.imports.importing import import_recordings
 from hil.results.identification import model_of
@@ -219,7 +219,7 @@ def judged(run: Run, robot: Robot, recorded: Sequence[Recorded], truth: Array) -
         causes = proof.found if proof is not None else ()
         return Said("failed", str(error), causes, proof, 0.0, time.process_time() - begin)
     begin = time.process_time()
-    proof = proved(robot, recorded, found.p, found.drive_train, found.joint)
+    proof = proved(robot, recorded, found.values, found.drive_train, found.joint)
     seconds = time.process_time() - begin
     model = replace(model_of(run, found, proof=proof), robot=robot)
     assert model.verdict is not None
@@ -232,7 +232,7 @@ def judged(run: Run, robot: Robot, recorded: Sequence[Recorded], truth: Array) -
         loaded = np.flatnonzero(np.nan_to_num(mu / error) > CERTAIN)
         accounted += [("friction of the load", int(axis) + 1) for axis in loaded]
     return Said(model.verdict.word, model.verdict.reason, causes, proof, times, seconds,
-                tuple(accounted), float(np.max(comparison(found, robot, truth).torque)),
+                tuple(accounted), float(np.max(Comparison(found, truth).torque)),
                 is_positive(model))  # fmt: skip
 
 
@@ -250,7 +250,7 @@ def smallest(proof: Excluded | None, cause: str, axis: int) -> float:
 def smallest_parts(folder: Path, seed: int) -> dict[tuple[str, int], float]:
     """Return the smallest sizes of the planted slip and periodic torque, by cause and axis."""
     run, found, evidence = rows_of(folder, seed)
-    every = columns(run.robot, found.p, evidence)
+    every = columns(run.robot, found.values, evidence)
     battery = Battery(evidence, every, every.fitted)
     n_tests = sum(battery.visible[at].any() for at in every.tests.values())
     of = {"slip": "slip", "torque ripple": f"torque ripple {MESH}"}
@@ -274,8 +274,8 @@ def rows_of(folder: Path, seed: int) -> tuple[Run, Estimate, Evidence]:
 def shares(folder: Path, seed: int, most: int = 60) -> tuple[int, float, float]:
     """Return the number of tested causes, and the shares detected and named correctly."""
     run, found, evidence = rows_of(folder, seed)
-    every, rng = columns(run.robot, found.p, evidence), np.random.default_rng(seed)
-    clean = excluded(run.robot, found.p, evidence)
+    every, rng = columns(run.robot, found.values, evidence), np.random.default_rng(seed)
+    clean = excluded(run.robot, found.values, evidence)
     visible = [
         each for each in clean.limits if each.size is not None and each.cause != "torque ripple"
     ]
@@ -291,7 +291,7 @@ def shares(folder: Path, seed: int, most: int = 60) -> tuple[int, float, float]:
         column = every.values[:, rng.choice(at)] * limit.size * rng.choice([-1.0, 1.0])
         other = replace(evidence, torque=evidence.torque + column,
                         recorded=evidence.recorded + column)  # fmt: skip
-        causes = excluded(run.robot, found.p, other).found
+        causes = excluded(run.robot, found.values, other).found
         any_found.append(bool(causes))
         named.append(any(each.cause == limit.cause or any(start in x for x in each.others
                                                           for start in beginnings(limit.cause))

@@ -29,7 +29,7 @@ from foreign_recordings import CASES, NAMES, ROBOTS, record
 from hil.errors import HilError
 from hil.estimation.free_motion.result import FreeMotionFit
 from hil.estimation.identify import estimate
-from hil.ground_truth.comparison import comparison
+from hil.ground_truth.comparison import Comparison
 from hil.ground_truth.true_parameters import true_parameters
 from hil.imports.importing import import_recordings
 from hil.results.identification import model_of
@@ -79,7 +79,7 @@ def judge(recorded: Path) -> Judged:
     model, fit = model_of(run, found), found.details
     assert isinstance(fit, FreeMotionFit)
     truth = true_parameters(run.robot, recorded / "plant.yaml")
-    judged = comparison(found, run.robot, truth)
+    judged = Comparison(found, truth)
     good = model.verdict is not None and model.verdict.word == "good"
     honest = times_stated(model, found, truth) <= HONEST and is_positive(model)
     left = [predict_recording(model, measured.recording) for measured in other]

@@ -88,7 +88,7 @@ def cover_seed(twin: TwinRecorder, load: Load, seed: int) -> list[np.ndarray]:
         *(held(fit.phi - truth, np.sqrt(np.diag(fit.covariance)), fit.degrees)
           for fit in (free, by_mass)),
         held(np.log(by_mass.gains / gains), by_mass.gain_errors, np.full(twin.n, 1e9)),
-        np.abs(alone.p - twin.truth) <= alone.half_width(),
+        np.abs(alone.values - twin.truth) <= alone.half_width(),
         np.array([abs(gain.value - 0.1) <= 1.96 * gain.standard_error]),
     ]  # fmt: skip
 

@@ -65,8 +65,8 @@ class Part(NamedTuple):
 def estimate_by_method(runs: list[Run], method: str, truth: Array, name: str) -> Part:
     """Return the estimate of runs by one method."""
     made = estimate(runs[0].robot, Pooled(runs), method)
-    inside = np.abs(made.p - truth) <= made.half_width()
-    return Part(name, error(runs[0], made.p, truth), int(inside.sum()), len(truth))
+    inside = np.abs(made.values - truth) <= made.half_width()
+    return Part(name, error(runs[0], made.values, truth), int(inside.sum()), len(truth))
 
 
 def error(run: Run, p: Array, truth: Array) -> float:

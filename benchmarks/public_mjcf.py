@@ -42,7 +42,7 @@ from figures import Figure, keep
 import hil
 from hil.errors import HilError
 from hil.estimation.identify import estimate
-from hil.ground_truth.comparison import comparison
+from hil.ground_truth.comparison import Comparison
 from hil.imports.importing import import_recordings
 from hil.model.readers.mjcf_text import MjcfText
 from hil.results.identification import model_of
@@ -282,7 +282,7 @@ def judge(folder: Path, source: Path, tip: str | None, seed: int) -> Judged:
     )
     found = estimate(seen.robot, Pooled([seen]), "free motion")
     model = model_of(seen, found)
-    judged = comparison(found, seen.robot, machine.truth(seen.robot))
+    judged = Comparison(found, machine.truth(seen.robot))
     _, exported = exported_model(model, "mjcf", seen.path, patch=file)
     (new := folder / "patched.xml").write_text(exported.files[file.name])
     lanes = Lanes.create(((e.measurement, e.recording) for e in other), model, None, RESTART)

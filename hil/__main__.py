@@ -49,7 +49,7 @@ def main() -> None:
 
 
 class _Patient(io.FileIO):
-    """Output stream that lets a run finish, and keep its results, after its reader has gone."""
+    """Output stream that lets a run finish, and keep the results, after the reader has gone."""
 
     def write(self, content: Any) -> int:
         """Write content, or discard content without a reader."""

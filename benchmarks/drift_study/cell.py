@@ -24,7 +24,7 @@ from benchmarks.rivals.variants import (
 from checked_files.yaml_file import FileError
 from hil.commands.friction import fit_friction
 from hil.estimation.identify import estimate
-from hil.ground_truth.comparison import comparison
+from hil.ground_truth.comparison import Comparison
 from hil.ground_truth.true_parameters import true_parameters
 from hil.runs.atomic_file import own_folder, write_file
 from hil.runs.pooling import recorded
@@ -159,16 +159,15 @@ def judge(cell: Cell) -> list[Outcome]:
     folder = Run.open(cell.run)
     truth = true_parameters(folder.robot, cell.plant)
     found = [
-        _outcome(name, estimate, folder.robot, truth)
-        for name, estimate in _METHODS[cell.kind](cell, folder)
+        _outcome(name, estimate, truth) for name, estimate in _METHODS[cell.kind](cell, folder)
     ]
     text = json.dumps([asdict(each) for each in found], indent=1)
     write_file(cell.verdict, text.encode())
     return found
 
 
-def _outcome(name: str, estimate: Estimate, robot: Robot, truth: Array) -> Outcome:
-    found = comparison(estimate, robot, truth)
+def _outcome(name: str, estimate: Estimate, truth: Array) -> Outcome:
+    found = Comparison(estimate, truth)
     return Outcome(
         method=name,
         group_error={group: float(error) for group, error in found.group_error.items()},

@@ -18,7 +18,7 @@ from hil.estimation.friction.points import judge_local_values
 from hil.estimation.identify import estimate
 from hil.estimation.signals import CUTOFF, Signals, signals
 from hil.estimation.two_step_methods import TwoStep, local_fits, prepare
-from hil.ground_truth.comparison import comparison
+from hil.ground_truth.comparison import Comparison
 from hil.ground_truth.true_parameters import true_parameters
 from hil.model.base_parameters import base_parameters
 from hil.model.dynamics import gravity_torque, inverse_dynamics
@@ -46,9 +46,11 @@ def assess_strokes(run: Run, plant: Path, *, both: bool) -> Figures:
     found = {method: estimate(robot, measured, method) for method in methods}
     raw, _ = prepare(measured)
     fits, _ = local_fits(robot, raw)
-    p = found["published"].p
-    judged = {name: comparison(each, robot, truth) for name, each in found.items()}
-    wrong = [(f.sides[0] - f.sides[1] - f.row @ truth) * (f.kind == "gravity") for f in fits]
+    p = found["published"].values
+    judged = {name: Comparison(each, truth) for name, each in found.items()}
+    wrong = [
+        (f.sides[0] - f.sides[1] - f.row @ truth) * (f.measurement.kind == "gravity") for f in fits
+    ]
     tests = judge_local_values(found["improved"].local) if both else {}
     return {
         "minutes": measured[-1][1].time[-1] / 60,
@@ -93,7 +95,7 @@ def _neglected(
         put = [f.sides[0] for f in local_fits(robot, alone)[0]]
         without, share = _remove_torque(robot, fits, put), {}
         for kind in ELEMENT_KINDS:
-            own = [k for k, f in enumerate(fits) if f.kind == kind]
+            own = [k for k, f in enumerate(fits) if f.measurement.kind == kind]
             largest = np.abs([(put[k], fits[k].evaluate(p).value) for k in own]).max(axis=0)
             share[kind] = largest[0] / largest[1]
         found[name] = {"share": share, "p3": without[2] - p[2], **errors(robot, without, truth)}
@@ -117,8 +119,9 @@ def _bound(robot: Robot, fits: Sequence[LocalFit], p: Array, truth: Array) -> Fi
     """Return the error of each group relative to eq. (13), with Q measured and with W p."""
     found, size = {}, np.linalg.norm
     for kind in ELEMENT_KINDS.values():
-        own, k = [f for f in fits if f.kind == kind.name], base_parameters(robot).groups[kind.group]
-        weight = 1 / robot.torque_limit[[f.axis for f in own]]
+        own = [f for f in fits if f.measurement.kind == kind.name]
+        k = base_parameters(robot).groups[kind.group]
+        weight = 1 / robot.torque_limit[[f.measurement.index for f in own]]
         rows = np.array([f.row + f.sides[2:] for f in own]) * weight[:, None]
         others = np.where(np.isin(np.arange(len(p)), k), 0.0, p)
         Q = np.array([f.sides[0] - f.sides[1] for f in own]) * weight - rows @ others
@@ -134,8 +137,9 @@ def _elements(robot: Robot, fits: Sequence[LocalFit], p: Array) -> list[Figures]
     gravity = np.isin(np.arange(len(p)), base_parameters(robot).groups["gravity"])
     return [
         {
-            "kind": f.kind, "axis": f.axis + 1, "q": np.degrees(f.q), "value": f.evaluate(p).value,
-            "model": f.evaluate(p).model, "of_gravity": f.row @ (gravity * p),
+            "kind": f.measurement.kind, "axis": f.measurement.axis, "q": np.degrees(f.q),
+            "value": f.evaluate(p).value, "model": f.evaluate(p).model,
+            "of_gravity": f.row @ (gravity * p),
         }
         for f in fits
     ]  # fmt: skip

@@ -176,16 +176,15 @@ def estimate_of(robot: Robot, data: Stacked, variant: Variant, name: str) -> Est
             break
     return Estimate(
         method=name,
-        p=found.x[:n],
-        covariance=found.covariance[:n, :n],
+        robot=robot,
+        values=found.x[:n],
+        scatter_covariance=found.covariance[:n, :n],
+        drive_covariance=np.zeros((n, n)),
         degrees_of_freedom=np.full(n, max(found.n_blocks - 1.0, 1.0)),
         effect=np.zeros((n, 2 * robot.n_joints)),
-        stated=robot.stated_uncertainty,
         residual=found.residual,
         n_measurements=data.products.n_trajectories,
         condition={"all": found.condition},
-        local=(),
-        left_out=(),
         friction_law=FrictionLaw.absent(robot.n_joints),
         load_friction=_load_friction(found, variant, n) if variant.load else None,
     )

@@ -244,7 +244,8 @@ def _rounds(plan: Plan, robot: Robot, repeat: int | None, hours: float | None, l
 
 def keep_watch(output: Path, the_plan: Plan, watcher: Watcher, model: str) -> None:
     """Write and show the results of a watch, also after an early end."""
-    from hil.commands.watch import NAME, PAGE, watch
+    from hil.commands.watch import PAGE, watch
+    from hil.results.watch import NAME
     from hil.runs.run import Run
 
     found = watcher.found(the_plan.digest, model)

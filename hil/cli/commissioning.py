@@ -36,7 +36,7 @@ from hil.terminal.console import give, give_each, out, say
 from hil.terminal.interruption import interruptible
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterable, Iterator
+    from collections.abc import Iterable, Iterator
 
     from rich.console import Console
 
@@ -46,8 +46,6 @@ if TYPE_CHECKING:
     from drivers.found_settings.settings_file import FoundSettings
     from drivers.operator_tools.sync_period import WakeUps
     from drivers.session.connection import Fieldbus
-    from hil.arrays import Array
-    from hil.show.table import Table
     from hil.terminal.keys import TerminalOperator
 
 
@@ -71,6 +69,7 @@ def restore(
     ] = False,
 ) -> None:
     """Restore the drives' settings after a session that was killed; the drives must be off."""
+    from checked_files.yaml_file import FileError
     from drivers.found_settings.settings_file import load_found_settings
     from hil.cli import bus_access
     from hil.runs.atomic_file import locked
@@ -80,7 +79,19 @@ def restore(
     if not settings.unrestored:
         say(f"{file}: already restored; nothing was written; {_conclusion(settings)}")
         return
-    bus_name = _bus_of(file, settings, interface, channel, other_bus=other_bus)
+    # from the options, else from the file, else of the plant
+    kept = settings.interface, settings.channel
+    interface = interface or settings.interface or SIMULATED
+    if channel is None and interface == settings.interface:
+        channel = settings.channel
+    refuse_no_channel(interface, channel)
+    bus_name = interface, channel or PLANT
+    if None not in kept and bus_name != kept and not other_bus:
+        raise FileError(
+            f"{file}: belongs to drives on {kept[0]} {kept[1]}, not on {bus_name[0]} {bus_name[1]};"
+            " omit --interface and --channel, or add --other-bus if these drives are on that bus"
+            " now"
+        )
     with ExitStack() as stack:
         stack.enter_context(locked(file.parent))
         if bus_name[0] != SIMULATED:
@@ -92,7 +103,8 @@ def restore(
         stack.enter_context(interruptible(lambda: ended))
         settings, failed = _put_back(bus, settings, file)
         if settings.restored:
-            BusState(*_kept_bus(settings, bus_name)).forget_run(file)
+            stated = zip(kept, bus_name, strict=True)
+            BusState(*(each or otherwise for each, otherwise in stated)).forget_run(file)
     if settings.restored:
         say(f"{file}: {_conclusion(settings)}")
     if failed:
@@ -120,36 +132,6 @@ def _put_back(bus: Fieldbus, settings: FoundSettings, file: Path) -> tuple[Found
             typer.echo(each.problem, err=True)
             failed = True
     return settings, failed
-
-
-def _kept_bus(settings: FoundSettings, otherwise: tuple[str, str]) -> tuple[str, str]:
-    interface, channel = otherwise
-    return settings.interface or interface, settings.channel or channel
-
-
-def _bus_of(
-    file: Path,
-    settings: FoundSettings,
-    interface: str | None,
-    channel: str | None,
-    *,
-    other_bus: bool,
-) -> tuple[str, str]:
-    """Return interface and channel: from the options, else from the file, else of the plant."""
-    from checked_files.yaml_file import FileError
-
-    kept = settings.interface, settings.channel
-    interface = interface or settings.interface or SIMULATED
-    if channel is None and interface == settings.interface:
-        channel = settings.channel
-    refuse_no_channel(interface, channel)
-    bus = interface, channel or PLANT
-    if None not in kept and bus != kept and not other_bus:
-        raise FileError(
-            f"{file}: belongs to drives on {kept[0]} {kept[1]}, not on {bus[0]} {bus[1]}; omit "
-            "--interface and --channel, or add --other-bus if these drives are on that bus now"
-        )
-    return bus
 
 
 def _conclusion(settings: FoundSettings) -> str:
@@ -200,7 +182,17 @@ def check(
     from hil.cli import bus_access
 
     drives = bus_access.select_axes(drives_file, axis)
-    gravity = None if model is None else _gravity(model, drives)
+    gravity = None
+    if model is not None:
+        from hil.results.model import Model
+
+        identified = Model.load(model)
+        if identified.robot.n_joints != len(drives.axes):
+            raise typer.BadParameter(
+                f"--model: {model} has {identified.robot.n_joints} joints and {len(drives.axes)}"
+                " axes are checked; check all axes of the robot together, without --axis"
+            )
+        gravity = identified.gravity
     moves = SmallMoves(angle=math.radians(angle), angular_velocity=math.radians(speed))
     with (
         _open_session(drives_file, drives, where, agreed=yes) as (bus, operator, keeper),
@@ -324,19 +316,6 @@ def _open_session(
         yield bus, operator, keeper
 
 
-def _gravity(run: Path, drives: DrivesFile) -> Callable[[Array], Array]:
-    """Return the function for static torques of an identified run."""
-    from hil.results.model import Model
-
-    model = Model.load(run)
-    if model.robot.n_joints != len(drives.axes):
-        raise typer.BadParameter(
-            f"--model: {run} has {model.robot.n_joints} joints and {len(drives.axes)} axes are"
-            " checked; check all axes of the robot together, without --axis"
-        )
-    return model.gravity
-
-
 def _wake_ups(
     bus: Fieldbus, period: float, duration: float, *, realtime: bool
 ) -> tuple[list[Verdict], float]:
@@ -377,23 +356,21 @@ def show_verdicts(verdicts: Iterable[Verdict], console: Console) -> bool:
             console.print(f"\n{place}", style="bold", highlight=False, markup=False)
         counts[verdict.grade.value] += 1
         give_each("verdicts", asdict(verdict) | {"grade": verdict.grade.value})
-        _show_verdict(verdict, console)
+        grade = verdict.grade.value
+        head = Text.assemble((f"{grade:<9}", STYLES[grade]), verdict.check)
+        bound = f"  ({verdict.bound})" if verdict.bound else ""
+        show_beside(head, f"{verdict.found}{bound}", 42, console)
+        if verdict.remedy:
+            show_beside(Text(f"{'':9}->"), verdict.remedy, 12, console)
     total = ", ".join(f"{counts[grade]} {grade}" for grade in STYLES)
     console.print(f"\n{total}", highlight=False)
     return not counts["refused"]
 
 
-def _show_verdict(verdict: Verdict, console: Console) -> None:
-    grade = verdict.grade.value
-    head = Text.assemble((f"{grade:<9}", STYLES[grade]), verdict.check)
-    bound = f"  ({verdict.bound})" if verdict.bound else ""
-    show_beside(head, f"{verdict.found}{bound}", 42, console)
-    if verdict.remedy:
-        show_beside(Text(f"{'':9}->"), verdict.remedy, 12, console)
-
-
 def show_wake_ups(found: WakeUps, in_time: float, console: Console) -> None:
     """Print quantiles of the lateness, the last for the share `in_time`, and a histogram."""
+    import numpy as np
+
     shares = {share: _ms(found.quantile(share)) for share in (0.5, 0.99, in_time)}
     quantiles = ", ".join(f"{100 * share:.4g} % within {late}" for share, late in shares.items())
     show_sentence(
@@ -401,12 +378,6 @@ def show_wake_ups(found: WakeUps, in_time: float, console: Console) -> None:
         f" longest {_ms(found.longest)}",
         console,
     )
-    show(_histogram(found), console)
-
-
-def _histogram(found: WakeUps) -> Table:
-    import numpy as np
-
     classes = np.histogram(found.late, [*EDGES, math.inf])[0].tolist()
     last, most = max(k for k, number in enumerate(classes) if number), max(classes)
     rows = []
@@ -414,7 +385,7 @@ def _histogram(found: WakeUps) -> Table:
         name = f"under {_ms(high)}" if high else f"{_ms(low)} or more"
         bar = "#" * max(round(40 * number / most), 1 if number else 0)
         rows.append((name, str(number), bar))
-    return table("", ("late by", *figures("wake-ups"), ""), rows)
+    show(table("", ("late by", *figures("wake-ups"), ""), rows), console)
 
 
 def _ms(value: float) -> str:

@@ -65,7 +65,38 @@ def scan(
 ) -> None:
     """Find the drives on a bus and what they lack for measuring; only reads."""
     found = _scan(DrivesBus(interface, channel, bus_option), bitrate, _numbers(nodes))
-    _show_nodes(list(found.nodes.values()))
+    nodes_found = list(found.nodes.values())
+    title = "1 node" if len(nodes_found) == 1 else f"{len(nodes_found)} nodes"
+    rows: list[Row] = []
+    remarks: dict[tuple[str, bool], list[int]] = {}
+    for node in nodes_found:
+        about, review = node.dictionary, node.review
+        identity = (about.vendor, about.product, about.revision) if about else ()
+        serves = Marked("no") if review and not review.serves else "yes" if review else "unknown"
+        rows.append(
+            (
+                str(node.node),
+                ", ".join(_heard(node)),
+                about.model if about else "",
+                ", ".join("?" if part is None else f"{part:X}h" for part in identity),
+                " ".join(MODES[mode] for mode in (review.modes if review else None) or ()),
+                _state(about),
+                serves,
+            )
+        )
+        for within, further, offers in node.further:
+            modes = " ".join(MODES[mode] for mode in offers.modes or ())
+            axis, cells = f"{node.node}, axis {within.axis}", (further.model, "", modes)
+            serves = "yes" if offers.serves else Marked("no")
+            rows.append((axis, "", *cells, _state(further), serves))
+        for remark in _remarks(node):
+            remarks.setdefault(remark, []).append(node.node)
+    folding = (Column(head, folds=True) for head in SCANNED)
+    show(table(title, ("node", *folding, "serves"), rows), out)
+    for (text, fatal), which in sorted(remarks.items(), key=lambda item: not item[0][1]):
+        line = Text(broken(f"{_spans(which)}: {text}", out))
+        line.stylize("bold red" if fatal else "yellow", 0, line.plain.index(":") + 1)
+        out.print(line, soft_wrap=True, highlight=False)
     if found.syncs:
         say(
             f"{found.syncs} SYNCs of another master received: stop that master before measuring",
@@ -247,41 +278,6 @@ def _numbers(text: str | None) -> tuple[int, ...]:
 
 
 SCANNED = ("heard by", "device", "identity (1018)", "modes", "state")
-
-
-def _show_nodes(found: Sequence[FoundNode]) -> None:
-    """Print a line per node, and a list of deficiencies with consequences."""
-    title = "1 node" if len(found) == 1 else f"{len(found)} nodes"
-    rows: list[Row] = []
-    remarks: dict[tuple[str, bool], list[int]] = {}
-    for node in found:
-        about, review = node.dictionary, node.review
-        identity = (about.vendor, about.product, about.revision) if about else ()
-        serves = Marked("no") if review and not review.serves else "yes" if review else "unknown"
-        rows.append(
-            (
-                str(node.node),
-                ", ".join(_heard(node)),
-                about.model if about else "",
-                ", ".join("?" if part is None else f"{part:X}h" for part in identity),
-                " ".join(MODES[mode] for mode in (review.modes if review else None) or ()),
-                _state(about),
-                serves,
-            )
-        )
-        for within, further, offers in node.further:
-            modes = " ".join(MODES[mode] for mode in offers.modes or ())
-            axis, cells = f"{node.node}, axis {within.axis}", (further.model, "", modes)
-            serves = "yes" if offers.serves else Marked("no")
-            rows.append((axis, "", *cells, _state(further), serves))
-        for remark in _remarks(node):
-            remarks.setdefault(remark, []).append(node.node)
-    folding = (Column(head, folds=True) for head in SCANNED)
-    show(table(title, ("node", *folding, "serves"), rows), out)
-    for (text, fatal), nodes in sorted(remarks.items(), key=lambda item: not item[0][1]):
-        line = Text(broken(f"{_spans(nodes)}: {text}", out))
-        line.stylize("bold red" if fatal else "yellow", 0, line.plain.index(":") + 1)
-        out.print(line, soft_wrap=True, highlight=False)
 
 
 def _heard(found: FoundNode) -> Iterator[str]:

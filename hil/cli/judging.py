@@ -45,8 +45,6 @@ from hil.cli.results import Accuracy, Method, Others, refuse_unknown
 from hil.terminal.console import give, out, say, working
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Sequence
-
     from hil.commands.fleet import Runs
 
 
@@ -199,7 +197,15 @@ def accept(
     Exit status 3 where the run failed.
     """
     if draft and limits is None:
-        _draft(folder, output, factor)
+        from hil.commands.accept import draft_limits, write_limits
+
+        refuse_existing(output)
+        refuse_no_folder(output)
+        with working("reading the run"):
+            drafted = draft_limits(folder, factor)
+        write_limits(output, drafted)
+        say(f"{len(drafted.quantities) + len(drafted.residual)} limits in {output}; adjust them to "
+            "the permitted variation of the series")  # fmt: skip
         return
     if draft or limits is None:
         raise typer.BadParameter("give either --limits FILE or --draft", param_hint="--limits")
@@ -219,18 +225,6 @@ def accept(
         if before := reference or drafted_from:
             show_causes(before, run)
         raise typer.Exit(Status.REFUSED)
-
-
-def _draft(folder: Path, output: Path, factor: float) -> None:
-    from hil.commands.accept import draft_limits, write_limits
-
-    refuse_existing(output)
-    refuse_no_folder(output)
-    with working("reading the run"):
-        found = draft_limits(folder, factor)
-    write_limits(output, found)
-    say(f"{len(found.quantities) + len(found.residual)} limits in {output}; adjust them to the "
-        "permitted variation of the series")  # fmt: skip
 
 
 @commands.command()
@@ -266,10 +260,19 @@ def history(
     """Show how parameters and friction of one machine change over many runs."""
     with working(f"reading {len(folders)} runs") as now:
         from hil.commands.history import monitoring_data, outcome, read_history
+        from hil.results.model_file import file_of
         from hil.runs.run import Run
 
         if identify:
-            _identify([*folders, *([reference] if reference else [])], now)
+            from hil.estimation.identify import default_method
+            from hil.results.findings import found_in
+
+        for folder in (*folders, *([reference] if reference else [])) if identify else ():
+            if folder.is_dir() and not (path := file_of(folder)).exists():
+                now(f"identifying {folder}")
+                run = Run.open(folder)
+                found_in(run, default_method(run.motions)[0]).model.save(path)
+                say(f"model in {path}")
         now(f"comparing {len(folders)} runs")
         found = read_history(folders, reference, wander / 100)
     shown, last = outcome(found), found.runs[-1]
@@ -282,21 +285,6 @@ def history(
         write_page(page, shown)
     if fail_on_change and newest:
         raise typer.Exit(Status.CHANGED)
-
-
-def _identify(folders: Sequence[Path], now: Callable[[str], None]) -> None:
-    """Identify the runs among folders without a model."""
-    from hil.estimation.identify import default_method
-    from hil.results.findings import found_in
-    from hil.results.model_file import file_of
-    from hil.runs.run import Run
-
-    for folder in folders:
-        if folder.is_dir() and not (path := file_of(folder)).exists():
-            now(f"identifying {folder}")
-            run = Run.open(folder)
-            found_in(run, default_method(run.motions)[0]).model.save(path)
-            say(f"model in {path}")
 
 
 fleet_commands = typer.Typer(no_args_is_help=True)

@@ -91,13 +91,26 @@ def run(
 
         the_plan, the_robot = load(plan_file, robot_file, workspace)
         if symmetric is not None:
+            from hil.commands.friction import refuse_asymmetric
+            from hil.runs.run import Run
+
             now(f"testing the friction of {symmetric}")
-            _gate(symmetric, the_robot)
+            for line in refuse_asymmetric(Run.open(symmetric), the_robot):
+                say(line, style="yellow")
     how = OnBus(**vars(where), frame_log=frame_log, realtime=realtime)
     identified = None if rehearse or what_changes else output
     how = replace(how, listeners=listeners(shown, where.bus_option, identified))
     if what_changes:
-        _show_changes(the_plan, the_robot, plan_file, output, how)
+        from hil.cli import bus_access
+        from hil.tasks.bus_state import kept_in
+
+        drives, _ = _check_drives(the_plan, the_robot, plan_file, how)
+        interface, channel = how.interface, how.channel or the_robot.name
+        parse_pairs(how.bus_option)
+        kept = kept_in(output, interface, channel)
+        with bus_access.open_interface(interface, channel, drives.bitrate, how.bus_option) as bus:
+            bus_access.show_changes(drives, bus, kept)
+        say("no object was written, no axis was powered")
     else:
         measure(the_plan, the_robot, plan_file, output, how, resume, speed if rehearse else None)
 
@@ -170,8 +183,15 @@ def measure(
     channel = how.channel or the_robot.name
     options = parse_pairs(how.bus_option)
     planned = repeat_measurements(the_plan, rounds)
-    feed = _feed(how, planned, the_robot, rehearsal, watcher)
-    display = display or shown
+    feed, display = how.feed, display or shown
+    if feed is None and how.listeners:
+        from hil.live.audience import Audience
+        from hil.live.feed import Feed
+
+        feed = Feed(Audience(how.listeners), simulated=how.interface == SIMULATED)
+    if feed is not None:
+        hand = bool(hand_of(how.bus_option))
+        feed.turn_to(the_robot, planned, rehearsal, hand=hand, watcher=watcher)
 
     def bus() -> DriveBus:
         found: DriveBus = open_drive_bus(
@@ -181,6 +201,8 @@ def measure(
         found = found if in_front is None else in_front(found)
         return found if feed is None else feed.wrap_bus(found)
 
+    automatic = how.pacing == "auto" and how.interface == SIMULATED
+    lock_step = automatic or how.pacing == "lock-step"
     with keeper_of_run(output, how.interface, channel) as keeper:
         folder, damaged = prepared_folder(output, planned, the_robot, text, resume=resume)
         for message in damaged:
@@ -190,41 +212,9 @@ def measure(
             bus,
             BusName(how.interface, channel),
             rehearsal,
-            lambda: bus_access.real_time_if(how.realtime, lock_step=_uses_lock_step(how)),
+            lambda: bus_access.real_time_if(how.realtime, lock_step=lock_step),
             display if feed is None else partial(feed.display, display),
         )
-
-
-def _feed(
-    how: OnBus,
-    the_plan: Plan,
-    the_robot: Robot,
-    rehearsal: float | None,
-    watcher: Watcher | None,
-) -> Feed | None:
-    """Create the feed of the run's listeners; None without listeners."""
-    feed, hand = how.feed, bool(hand_of(how.bus_option))
-    if feed is None and how.listeners:
-        from hil.live.audience import Audience
-        from hil.live.feed import Feed
-
-        feed = Feed(Audience(how.listeners), simulated=how.interface == SIMULATED)
-    if feed is not None:
-        feed.turn_to(the_robot, the_plan, rehearsal, hand=hand, watcher=watcher)
-    return feed
-
-
-def _show_changes(the_plan: Plan, the_robot: Robot, source: Path, output: Path, how: OnBus) -> None:
-    from hil.cli import bus_access
-    from hil.tasks.bus_state import kept_in
-
-    drives, _ = _check_drives(the_plan, the_robot, source, how)
-    channel = how.channel or the_robot.name
-    parse_pairs(how.bus_option)
-    kept = kept_in(output, how.interface, channel)
-    with bus_access.open_interface(how.interface, channel, drives.bitrate, how.bus_option) as bus:
-        bus_access.show_changes(drives, bus, kept)
-    say("no object was written, no axis was powered")
 
 
 def _check_drives(
@@ -235,15 +225,3 @@ def _check_drives(
 
     refuse_no_channel(how.interface, how.channel)
     return checked_drives(the_plan, the_robot, how.drives_file, source, feeds=feeds)
-
-
-def _gate(folder: Path, the_robot: Robot) -> None:
-    from hil.commands.friction import refuse_asymmetric
-    from hil.runs.run import Run
-
-    for line in refuse_asymmetric(Run.open(folder), the_robot):
-        say(line, style="yellow")
-
-
-def _uses_lock_step(how: OnBus) -> bool:
-    return how.pacing == "lock-step" or (how.pacing == "auto" and how.interface == SIMULATED)

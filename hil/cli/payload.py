@@ -22,7 +22,6 @@ from hil.terminal.console import say, working
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from hil.cli.measuring import OnBus
     from hil.estimation.loads.figures import Load
     from hil.planning.plan import Plan
     from hil.results.load_file import LoadFile
@@ -130,11 +129,14 @@ def measure(
 ) -> None:
     """Measure a load, slowly and then faster; the robot moves."""
     from hil.cli.measuring import OnBus
+    from hil.cli.measuring import measure as measured
     from hil.commands.payload import advised, verdict
-    from hil.planning.design.load import REACH, fast_plan, load_capacity, slow_plan
-    from hil.results.load import BareRun, LoadFit, estimate_load, find_load
+    from hil.planning.timetable import timetable
+    from hil.results.load import BareRun, LoadFit, find_load
     from hil.results.load_file import NAME, write_load
     from hil.runs.run import Run
+    from hil.show.rounding import clock, count
+    from hil.tasks.plans import designed
 
     if mass is not None and at_most is not None and mass > at_most:
         raise typer.BadParameter(
@@ -142,33 +144,26 @@ def measure(
         )
     bare_run = Run.open(model if model.is_dir() else model.parent)
     _refuse_output(bare_run, output, resume=resume)
-    held_axes = poses(bare_run.robot, pose or [])
-    with working("reading the run without the load"):
-        bare = BareRun(bare_run)
-        known = bare.known
-    how = OnBus(**vars(where))
-    slow = _kept_plan(output / SLOW, bare_run)
-    if slow is None:
-        with working("choosing slow measurements"):
-            slow = slow_plan(known, minutes, at_most if mass is None else mass, held_axes)
-            held = load_capacity(known, slow)
-        _show_stage("slow", slow, bare_run)
-        say(
-            f"all axes hold a load of {held:.3g} kg in these poses, with its centre of mass up to "
-            f"{REACH:g} m from the last frame"
-        )
-    _carry_out(slow, bare_run, output / SLOW, how, resume=resume)
-    fast = _kept_plan(output / FAST, bare_run)
-    if fast is None:
-        with working("estimating the load, and choosing faster measurements"):
-            found = estimate_load(bare, [Run.open(output / SLOW)])
-            fast = fast_plan(known, minutes, slow, found, held_axes)
-        _show_stage("fast", fast, bare_run)
-    _carry_out(fast, bare_run, output / FAST, how, resume=resume)
+    bare, how = BareRun(bare_run), OnBus(**vars(where))
+    kind = {"model": bare, "minutes": minutes, "pose": poses(bare_run.robot, pose or [])}
+    heaviest = at_most if mass is None else mass
+    for stage, more in ((SLOW, {"at_most": heaviest}), (FAST, {"refine": [output / SLOW]})):
+        plan = _kept_plan(output / stage, bare_run)
+        if plan is None:
+            with working(f"planning {stage} measurements") as now:
+                found = designed("load", now, **kind, **more)
+            plan = found.plan
+            entries = timetable(plan, bare_run.robot, plan.measurements)
+            lasts = clock(sum(each.travel + each.duration for each in entries))
+            say(f"{stage}: {count(len(entries), 'measurement')} in {lasts} min of motion")
+            show(*found.shown)
+        folder = output / stage
+        again = resume and (folder / "run.json").exists()
+        measured(plan, bare_run.robot, folder / "plan.yaml", folder, how, again)
     runs = [Run.open(output / stage_of) for stage_of in (SLOW, FAST)]
     with working("estimating the load"):
         load = find_load(bare, runs, mass)
-        said = verdict(load, advised(known, [run.planned for run in runs], load))
+        said = verdict(load, advised(bare.known, [run.planned for run in runs], load))
         kept = write_load(output, bare_run, runs, LoadFit(bare_run.robot, load), said)
     _finish(output, bare_run, runs, load, kept)
     say(f"load in {output / NAME}")
@@ -219,19 +214,3 @@ def _kept_plan(folder: Path, bare: Run) -> Plan | None:
             " folder with -o"
         )
     return run.planned
-
-
-def _carry_out(plan: Plan, bare: Run, folder: Path, how: OnBus, *, resume: bool) -> None:
-    from hil.cli.measuring import measure as measured
-
-    again = resume and (folder / "run.json").exists()
-    measured(plan, bare.robot, folder / "plan.yaml", folder, how, again)
-
-
-def _show_stage(name: str, plan: Plan, bare: Run) -> None:
-    from hil.planning.timetable import timetable
-    from hil.show.rounding import clock, count
-
-    entries = timetable(plan, bare.robot, plan.measurements)
-    lasts = clock(sum(each.travel + each.duration for each in entries))
-    say(f"{name}: {count(len(entries), 'measurement')} in {lasts} min of motion")

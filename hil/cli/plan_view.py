@@ -25,11 +25,9 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
-    from hil.model.base_parameters import BaseParameters
     from hil.model.robot import Robot
     from hil.planning.dry_run import DryRun
     from hil.planning.prediction.precision import Precision
-    from hil.show.table import Table
 
 
 _GROUP_TITLES = {
@@ -41,33 +39,13 @@ _GROUP_TITLES = {
 
 def render_robot(robot: Robot) -> None:
     """Print present parameters, base parameters by group, and dependencies of M and g."""
-    base = base_parameters(robot)
-    show(_present_parameters(robot), out)
-    show(_base_parameters(base), out)
-    if robot.file.lengths:
-        say(", ".join(f"{name} = {value:g} m" for name, value in robot.file.lengths.items()))
-    widest = 12  # maximum number of joints for a readable table of M and g on a terminal
-    if robot.n_joints <= widest:
-        show(_dependencies(robot, base), out)
-    else:
-        say(
-            f"the table of parameters by element has {robot.n_joints} columns, at most {widest} "
-            "are shown; in Python: base_parameters(robot).dependencies"
-        )
-
-
-def _present_parameters(robot: Robot) -> Table:
-    rows = []
+    base, rows = base_parameters(robot), []
     for link, joint in enumerate(robot.file.joints, start=1):
         names = (f"{name}{link}" for name in joint.parameters)
         listed = (f"{n} = {robot.ties[n]}" if n in robot.ties else n for n in names)
         rows.append((str(link), joint.type, ", ".join(listed) or "none"))
-    columns = ("link", "joint", Column("parameters", folds=True))
-    return table(f"{robot.name}: link parameters present", columns, rows)
-
-
-def _base_parameters(base: BaseParameters) -> Table:
-    columns = ("", Column("meaning", folds=True), "unit", Column("expression", folds=True))
+    present: tuple[str | Column, ...] = ("link", "joint", Column("parameters", folds=True))
+    show(table(f"{robot.name}: link parameters present", present, rows), out)
     parts = [
         Part(
             tuple(
@@ -78,21 +56,29 @@ def _base_parameters(base: BaseParameters) -> Table:
         )
         for group, members in base.groups.items()
     ]
-    return table(f"{len(base)} base parameters", columns, parts)
-
-
-def _dependencies(robot: Robot, base: BaseParameters) -> Table:
-    """Return the table of parameters in M (upper triangle, by symmetry) and g."""
-    joints = range(robot.n_joints)
-    heads = (*(f"M_i{j + 1}" for j in joints), "g_i")
-    rows = []
-    for i in joints:
-        cells = [_numbers(base.dependencies.mass[i, j]) if j >= i else "" for j in joints]
-        rows.append((f"i = {i + 1}", *cells, _numbers(base.dependencies.gravity[i])))
-    columns: tuple[str | Column, ...] = (
-        "", *(Column(head, "right", folds=True) for head in heads),
+    heads: tuple[str | Column, ...] = (
+        "", Column("meaning", folds=True), "unit", Column("expression", folds=True),
     )  # fmt: skip
-    return table("parameters p_k that occur in M_ij(q) and g_i(q), by k", columns, rows)
+    show(table(f"{len(base)} base parameters", heads, parts), out)
+    if robot.file.lengths:
+        say(", ".join(f"{name} = {value:g} m" for name, value in robot.file.lengths.items()))
+    widest = 12  # maximum number of joints for a readable table of M and g on a terminal
+    if robot.n_joints <= widest:
+        # M in its upper triangle, by symmetry, and g
+        joints, occurs = range(robot.n_joints), []
+        for i in joints:
+            cells = [_numbers(base.dependencies.mass[i, j]) if j >= i else "" for j in joints]
+            occurs.append((f"i = {i + 1}", *cells, _numbers(base.dependencies.gravity[i])))
+        named = (*(f"M_i{j + 1}" for j in joints), "g_i")
+        columns: tuple[str | Column, ...] = (
+            "", *(Column(head, "right", folds=True) for head in named),
+        )  # fmt: skip
+        show(table("parameters p_k that occur in M_ij(q) and g_i(q), by k", columns, occurs), out)
+    else:
+        say(
+            f"the table of parameters by element has {robot.n_joints} columns, at most {widest} "
+            "are shown; in Python: base_parameters(robot).dependencies"
+        )
 
 
 def _numbers(occurs: NDArray[np.bool_]) -> str:
@@ -105,7 +91,13 @@ def _numbers(occurs: NDArray[np.bool_]) -> str:
 
 def render(result: DryRun, robot: Robot) -> None:
     """Print duration, bus load and identifiability of a plan."""
-    show(_costs(result), out)
+    costs = tuple(
+        (kind, str(result.counts.get(kind, "")), clock(duration))
+        for kind, duration in result.durations.items()
+    )
+    total = ("total", str(sum(result.counts.values())), clock(result.duration))
+    columns: tuple[str | Column, ...] = ("", *figures("measurements", "time, m:ss"))
+    show(table("Duration", columns, (Part(costs), Part((total,)))), out)
     if result.bus:
         say(
             f"bus load {result.bus_load:.1%} at {result.bus.bitrate / 1000:g} kbit/s"
@@ -126,7 +118,19 @@ def render(result: DryRun, robot: Robot) -> None:
             "yellow",
         )
     if result.groups:
-        show(_gains(result), out)
+        rows = [
+            (
+                _words(group.group),
+                ", ".join(group.names),
+                str(group.rows),
+                f"{group.rank} of {len(group.names)}",
+                f"{group.condition:.1f}" if math.isfinite(group.condition) else "infinite",
+            )
+            for group in result.groups
+        ]
+        heads = figures("measurements", "rank", "condition")
+        named = "group", Column("parameters", folds=True)
+        show(table("Identifiability", (*named, *heads), rows), out)
         for group in result.groups:
             if group.poorly_identifiable:
                 names = _join_titles(group.poorly_identifiable, robot)
@@ -149,31 +153,6 @@ def _join_titles(names: Iterable[str], robot: Robot) -> str:
     base = base_parameters(robot)
     title = dict(zip(base.names, base.titles, strict=True))
     return ", ".join(title[name] for name in names)
-
-
-def _costs(result: DryRun) -> Table:
-    rows = tuple(
-        (kind, str(result.counts.get(kind, "")), clock(duration))
-        for kind, duration in result.durations.items()
-    )
-    total = ("total", str(sum(result.counts.values())), clock(result.duration))
-    columns: tuple[str | Column, ...] = ("", *figures("measurements", "time, m:ss"))
-    return table("Duration", columns, (Part(rows), Part((total,))))
-
-
-def _gains(result: DryRun) -> Table:
-    rows = [
-        (
-            _words(group.group),
-            ", ".join(group.names),
-            str(group.rows),
-            f"{group.rank} of {len(group.names)}",
-            f"{group.condition:.1f}" if math.isfinite(group.condition) else "infinite",
-        )
-        for group in result.groups
-    ]
-    heads = figures("measurements", "rank", "condition")
-    return table("Identifiability", ("group", Column("parameters", folds=True), *heads), rows)
 
 
 def _words(group: str) -> str:

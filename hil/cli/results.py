@@ -24,7 +24,6 @@ if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from hil.estimation.options import Options
-    from hil.results.findings import Findings
     from hil.results.model import Model
     from hil.runs.run import Run
 
@@ -120,11 +119,10 @@ def identify(
                 say(f"{method} method: {reason}")
         recorded = count(sum(map(len, (run, *more))), "measurement")
         now(f"estimating {run.robot.name} from {recorded}")
-        findings = identify_and_keep(run, method, more, options=options)
-        found = findings.model
+        found = identify_and_keep(run, method, more, options=options).model
         if refine:
             now("fitting simulated to recorded positions")
-            found = _refined(findings, [run, *more], options)
+            found = _refined(found, [run, *more], options)
         if consistent or masses:
             from hil.results.consistency import find_consistent_robot
 
@@ -149,14 +147,14 @@ def identify(
         raise typer.Exit(Status.REFUSED)
 
 
-def _refined(findings: Findings, runs: Sequence[Run], options: Options) -> Model:
+def _refined(model: Model, runs: Sequence[Run], options: Options) -> Model:
     """Return the model refined by simulation, judged anew."""
     from hil.results.identification import rejudged
     from hil.runs.pooling import Pooled
     from hil.simulation.refine import refine
 
     every = Pooled(runs)
-    return rejudged(refine(findings.model, every), findings.estimate, every, options)
+    return rejudged(refine(model, every), every, options)
 
 
 def options_of(prior: str | None, urdf: Path | None, run: Run) -> Options:
@@ -203,14 +201,26 @@ def report(
     """Write the report of a run; one HTML file."""
     begun = perf_counter()
     with working("reading the run") as now:
+        from checked_files.yaml_file import FileError
+        from hil.estimation.identify import METHODS, RIVALS
         from hil.report import page as module
+        from hil.results.model_file import NAME, read_model_file
         from hil.runs.run import Run
 
         refuse_unwritable(folder / module.NAME)
         run = Run.open(folder).exclude(without or ())
         now(f"identifying {run.robot.name} and drawing the report")
         path = module.report(run, figures)
-    _show_unusable_model(run)
+    # the reason for ignoring an existing model: damaged, edited, or of a rival method
+    kept, why = run.path / NAME, None
+    try:
+        used = read_model_file(kept).provenance.method if kept.exists() else None
+        if used is not None and used not in METHODS:
+            why = f"{kept}: {used} method; {RIVALS}"
+    except FileError as error:
+        why = str(error)
+    if why is not None:
+        say(f"model not used, the report shows a new estimate: {why}", style="yellow")
     _show_shortfall(run)
     say_simulated(run)
     say(f"report in {path} ({perf_counter() - begun:.1f} s)")
@@ -302,20 +312,3 @@ def show_bodies(model: Model) -> None:
 def _show_shortfall(run: Run) -> None:
     if run.shortfall:
         say(run.shortfall, style="yellow")
-
-
-def _show_unusable_model(run: Run) -> None:
-    """State the reason for ignoring an existing model: damaged, edited, or of a rival method."""
-    from checked_files.yaml_file import FileError
-    from hil.estimation.identify import METHODS, RIVALS
-    from hil.results.model_file import NAME, read_model_file
-
-    path, why = run.path / NAME, None
-    try:
-        method = read_model_file(path).provenance.method if path.exists() else None
-        if method is not None and method not in METHODS:
-            why = f"{path}: {method} method; {RIVALS}"
-    except FileError as error:
-        why = str(error)
-    if why is not None:
-        say(f"model not used, the report shows a new estimate: {why}", style="yellow")

@@ -74,6 +74,7 @@ def new(
 ) -> None:
     """Write a first robot file from a URDF, an MJCF or a table, and list what to fill in."""
     from checked_files.yaml_file import UNSTATED
+    from hil.model.readers.robot_draft import draft_robot
     from hil.runs.atomic_file import write_file
 
     if sum(given is not None for given in (urdf, dh, mdh)) != 1:
@@ -81,42 +82,26 @@ def new(
     if urdf is None and (base or tip):
         raise typer.BadParameter("--from and --to apply only to a URDF; omit both")
     if urdf is not None:
-        text, found, rounded = _draft_from_urdf(urdf, base, tip, gravity)
+        from hil.model.robot import read_description
+
+        chain = read_description(urdf, base, tip)
+        joints = ", ".join(joint.name for joint in chain.joints)
+        about = f"{len(chain.joints)} joints from {chain.base} to {chain.tip}: {joints}"
+        found, rounded = "\n".join([about, *chain.not_taken]), chain.rounded
+        text = draft_robot(chain, gravity)
     else:
-        text, found, rounded = _draft_from_table(dh, mdh, gravity)
+        from hil.model.readers.dh_table import read_dh
+
+        dh_table = read_dh(dh, "standard") if dh is not None else read_dh(str(mdh), "modified")
+        types = ", ".join(f"{joint.name} {joint.type}" for joint in dh_table.joints)
+        found = f"{len(dh_table.joints)} joints of a {dh_table.notation} table: {types}"
+        text, rounded = draft_robot(dh_table, gravity), dh_table.rounded
     write_file(output, text.encode())
     say(found)
     if rounded > 0:
         say(f"angles within {rounded:.2g} rad of a multiple of pi/2 were rounded to that multiple")
     marks = text.count(f": {UNSTATED} ")
     say(f"{output}: {marks} lines marked {UNSTATED} must be filled in by you")
-
-
-def _draft_from_urdf(
-    urdf: Path, base: str | None, tip: str | None, gravity: tuple[float, float, float] | None
-) -> tuple[str, str, float]:
-    """Draft a robot file from a URDF or MJCF: text, description, and rounding of angles [rad]."""
-    from hil.model.readers.robot_draft import draft_robot
-    from hil.model.robot import read_description
-
-    chain = read_description(urdf, base, tip)
-    joints = ", ".join(joint.name for joint in chain.joints)
-    about = [f"{len(chain.joints)} joints from {chain.base} to {chain.tip}: {joints}"]
-    found = "\n".join([*about, *chain.not_taken])
-    return draft_robot(chain, gravity), found, chain.rounded
-
-
-def _draft_from_table(
-    dh: Path | None, mdh: Path | None, gravity: tuple[float, float, float] | None
-) -> tuple[str, str, float]:
-    """Draft a robot file from a table, with the results of `_draft_from_urdf`."""
-    from hil.model.readers.dh_table import read_dh
-    from hil.model.readers.robot_draft import draft_robot
-
-    table = read_dh(dh, "standard") if dh is not None else read_dh(str(mdh), "modified")
-    types = ", ".join(f"{joint.name} {joint.type}" for joint in table.joints)
-    found = f"{len(table.joints)} joints of a {table.notation} table: {types}"
-    return draft_robot(table, gravity), found, table.rounded
 
 
 @commands.command()

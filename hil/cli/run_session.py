@@ -22,7 +22,7 @@ from hil.terminal.keys import HINT, KeyboardStop
 from hil.terminal.progress import shown
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Generator, Sequence
+    from collections.abc import Callable, Sequence
     from contextlib import AbstractContextManager
 
     from rich.console import Console
@@ -75,17 +75,26 @@ def carry_out(
     if rehearsal is None and folder.journal.rehearsed is None and bus_name.interface != SIMULATED:
         say(NOT_REHEARSED)
 
-    def events(pause: Callable[[], bool], granted: Sequence[str]) -> Generator[Event]:
-        if rehearsal is None:
-            return run_campaign(folder, open_bus(), bus_name, pause, granted)
-        return rehearse_campaign(folder, open_bus(), bus_name, rehearsal, pause, granted)
-
     def ended() -> str:
         return f"stopped, the axes are off; {_describe_rest(folder)}"
 
     with locked(folder.path), interruptible(ended) as refuse_lost:
         try:
-            last = _move(events, real_time, refuse_lost, display)
+            with KeyboardStop() as keyboard, display(out) as show, real_time() as granted:
+                for line in granted or ():
+                    say(line)
+                if keyboard.listening:
+                    say(HINT)
+                own = keyboard.pause, granted or ()
+                events = (
+                    run_campaign(folder, open_bus(), bus_name, *own)
+                    if rehearsal is None
+                    else rehearse_campaign(folder, open_bus(), bus_name, rehearsal, *own)
+                )
+                with closing(events):
+                    for last in events:
+                        refuse_lost()
+                        show(last)
         except (BrokenPipeError, SystemExit):  # rich raises SystemExit for a broken pipe
             report(f"the output was closed, the axes are off; {_describe_rest(folder)}")
             raise typer.Exit(1) from None
@@ -96,26 +105,6 @@ def carry_out(
             folder.discard_if_empty()
             raise
     say(_conclusion(folder, last, rehearsal))
-
-
-def _move(
-    events: Callable[[Callable[[], bool], Sequence[str]], Generator[Event]],
-    real_time: RealTime,
-    refuse_lost: Callable[[], None],
-    display: Display,
-) -> Event:
-    """Pass the campaign's events to the terminal; return the last event."""
-    with KeyboardStop() as keyboard, display(out) as show, real_time() as granted:
-        for line in granted or ():
-            say(line)
-        if keyboard.listening:
-            say(HINT)
-        with closing(events(keyboard.pause, granted or ())) as happening:
-            for event in happening:
-                refuse_lost()
-                show(event)
-                last = event
-    return last
 
 
 def _conclusion(folder: RunFolder, last: Event, rehearsal: float | None) -> str:

@@ -142,24 +142,19 @@ def try_(
         learned = time.monotonic() + LEARNING / FASTEST_LEARNING
         ends = learned + push if push else began + LONGEST
         found = _push(robot, model, folder, feed, hand, ends)
-        _report(folder, feed, found)
+        feed.publish("headline", {"text": "Writing the report", "more": ""})
+        with working("writing the report"):
+            from hil.report.page import report
+
+            report(folder / "measured")
+        feed.publish("headline", {"text": f"Done: {found}", "more": ""})
+        further = [each.format(folder=folder) for each in FURTHER]
+        feed.publish("report", {"folder": str(folder), "commands": further})
         say(f"{found}\nresults are in {folder}; continue with: hil report {folder / 'measured'}")
         say("the page is served until it is closed, or until Ctrl-C")
         with suppress(KeyboardInterrupt):  # the server reports the closed page in this way
             while not shown[0].gone:
                 time.sleep(0.1)
-
-
-def _report(folder: Path, feed: Feed, found: str) -> None:
-    """Write the report, and show next steps on the page."""
-    from hil.report.page import report
-
-    feed.publish("headline", {"text": "Writing the report", "more": ""})
-    with working("writing the report"):
-        report(folder / "measured")
-    feed.publish("headline", {"text": f"Done: {found}", "more": ""})
-    commands = [each.format(folder=folder) for each in FURTHER]
-    feed.publish("report", {"folder": str(folder), "commands": commands})
 
 
 def _measure(robot: Robot, plan: Plan, folder: Path, feed: Feed, speed: float) -> Model:

@@ -139,7 +139,7 @@ def write_diagnosis(run: Run, found: Diagnosis) -> DiagnosisFile:
         made=now(),
         version=__version__,
         of=RunStamp.create(run),
-        p=tuple(found.estimate.p.tolist()),
+        p=tuple(found.estimate.values.tolist()),
         threshold=errors.threshold,
         candidates=errors.alone,
         found=tuple(c.label for c in errors.found),
@@ -223,7 +223,7 @@ def outcome(run: Run, found: Diagnosis) -> Outcome:
     own_folder(run.path / PLOTS)
     for name, drawn in charts.items():
         write_file(run.path / PLOTS / f"{name}.svg", file(drawn))
-    tables = *shown.tables, drive_train(found.estimate, robot)
+    tables = *shown.tables, drive_train(found.estimate)
     return replace(shown, tables=tables, simulated=run.journal.simulated)
 
 

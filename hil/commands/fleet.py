@@ -283,7 +283,16 @@ def ask(fleets: dict[str, Fleet], rate: float) -> Outcome:
         (_fleets_table(fleets, tested, rate), changed_table(listed, "Deviations", "machine")),
         remarks=tuple(_shared_names(fleets)),
         verdicts=(Verdict("good" if word == "unchanged" else "doubtful", word, text),),
-        plots=tuple(_plots(fleets, tested)),
+        plots=tuple(
+            Plot(
+                f"deviations-{name}",
+                partial(month_chart, fleet, tested[name].changes[:DRAWN]),
+                "Deviating quantities over time, one panel each",
+                "Deviating quantities over time with 95 % intervals, and the median of the fleet.",
+            )
+            for name, fleet in fleets.items()
+            if tested[name].changes
+        ),
         title="Fleet",
     )
 
@@ -333,40 +342,27 @@ def _fleets_table(fleets: dict[str, Fleet], tested: dict[str, Deviations], rate:
     )  # fmt: skip
 
 
-def _plots(fleets: dict[str, Fleet], tested: dict[str, Deviations]) -> Iterator[Plot]:
-    for name, fleet in fleets.items():
-        if shown := tested[name].changes[:DRAWN]:
-            yield Plot(
-                f"deviations-{name}",
-                partial(month_chart, fleet, shown),
-                "Deviating quantities over time, one panel each",
-                "Deviating quantities over time with 95 % intervals, and the median of the fleet.",
-            )
-
-
 def month_chart(fleet: Fleet, changes: Sequence[Change]) -> Iterator[Panel]:
     """Draw deviating quantities of machines beside the median of the fleet."""
+    days = (fleet.time - fleet.time.min()) / 86400.0
+    month = np.floor(days / 30.0)
     for each in changes:
+        q, machine = fleet.quantities.index(each.quantity), fleet.machines.index(each.run)
+        at, medians = [], []
+        for number in np.unique(month).tolist():
+            of_month = fleet.value[month == number, q]
+            if np.isfinite(of_month).any():
+                at.append(float(days[month == number].mean()))
+                medians.append(float(np.nanmedian(of_month)))
+        own = (fleet.machine == machine) & np.isfinite(fleet.value[:, q])
+        half, value = TWICE * fleet.error[own, q], fleet.value[own, q]
         yield Panel(
-            tuple(_history(fleet, each)),
+            (
+                Line(at, medians, MUTED, "fleet, median", width=1.0),
+                Points(days[own], value, "o", MEASURED, "machine", error=half, size=2.4),
+            ),
             title=f"{each.run}: {each.quantity.title}",
             x_label="days since the first run",
             y_label=unit(each.quantity.unit),
             height=105.0,
         )
-
-
-def _history(fleet: Fleet, each: Change) -> Iterator[Line | Points]:
-    q, machine = fleet.quantities.index(each.quantity), fleet.machines.index(each.run)
-    days = (fleet.time - fleet.time.min()) / 86400.0
-    month = np.floor(days / 30.0)
-    at, medians = [], []
-    for number in np.unique(month).tolist():
-        of_month = fleet.value[month == number, q]
-        if np.isfinite(of_month).any():
-            at.append(float(days[month == number].mean()))
-            medians.append(float(np.nanmedian(of_month)))
-    yield Line(at, medians, MUTED, "fleet, median", width=1.0)
-    own = (fleet.machine == machine) & np.isfinite(fleet.value[:, q])
-    half = TWICE * fleet.error[own, q]
-    yield Points(days[own], fleet.value[own, q], "o", MEASURED, "machine", error=half, size=2.4)

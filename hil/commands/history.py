@@ -285,10 +285,26 @@ def outcome(found: History) -> Outcome:
     newest = found.runs[-1]
     changed = [Verdict("doubtful", "changed", each) for each in found.sentences(newest)]
     unchanged = Verdict("good", "unchanged", f"{newest.label}: nothing changed significantly")
+    names: dict[Kind, str] = {
+        "gravity parameter": "Gravity parameters", "inertia parameter": "Inertia parameters",
+        "friction level": "Friction", "offset": "Offsets",
+    }  # fmt: skip
+    places = {
+        kind: [k for k, each in enumerate(found.quantities) if each.kind == kind] for kind in names
+    }
     return Outcome(
         (runs_table(found), condition(found), changed_table(found.marked)),
         verdicts=tuple(changed) or (unchanged,),
-        plots=tuple(_plots(found)),
+        plots=tuple(
+            Plot(
+                kind.replace(" ", "-"),
+                partial(time_chart, found, places[kind]),
+                f"{name} over time, one panel each",
+                f"{name} over time. {_CAPTION}",
+            )
+            for kind, name in names.items()
+            if places[kind]
+        ),
         title=f"{found.robot.name}: condition over time",
         simulated=any(run.model.provenance.any_simulated for run in found.runs),
         note="A run of an unchanged machine is marked with a probability of at most "
@@ -298,7 +314,28 @@ def outcome(found: History) -> Outcome:
 
 def monitoring_data(found: History) -> dict[str, Any]:
     """Return a history as data for JSON, for monitoring systems."""
-    newest = found.tests(found.runs[-1])
+    newest, runs = found.tests(found.runs[-1]), []
+    for run in found.runs:
+        tests, common = found.tests(run), found.common.items()
+        runs.append({
+            "run": run.label,
+            "measured": run.measured or None,
+            "method": run.model.method,
+            "changed": any(each.marked for each in tests),
+            "tests": len(tests),
+            "common_friction": {
+                against: share for (label, against), share in common if label == run.label
+            },
+            "values": {
+                quantity.name: read
+                and {
+                    "value": read.value,
+                    "half_width_95": read.half_width,
+                    "temperature_allowance": read.allowance,
+                }
+                for quantity, read in zip(found.quantities, run.readings, strict=True)
+            },
+        })  # fmt: skip
     return {
         "format": 1,
         "written": now(),
@@ -307,7 +344,7 @@ def monitoring_data(found: History) -> dict[str, Any]:
         "false_alarm_rate": SIGNIFICANT,
         "newest_changed": any(each.marked for each in newest),
         "quantities": [each._asdict() for each in found.quantities],
-        "runs": [_run_content(found, run) for run in found.runs],
+        "runs": runs,
         "changes": [
             {
                 "run": each.run,
@@ -336,29 +373,6 @@ def monitoring_data(found: History) -> dict[str, Any]:
             for each in found.rescaled
         ],
         "notes": list(found.notes),
-    }
-
-
-def _run_content(found: History, run: KnownRun) -> dict[str, Any]:
-    tests = found.tests(run)
-    return {
-        "run": run.label,
-        "measured": run.measured or None,
-        "method": run.model.method,
-        "changed": any(each.marked for each in tests),
-        "tests": len(tests),
-        "common_friction": {
-            against: share for (label, against), share in found.common.items() if label == run.label
-        },
-        "values": {
-            quantity.name: read
-            and {
-                "value": read.value,
-                "half_width_95": read.half_width,
-                "temperature_allowance": read.allowance,
-            }
-            for quantity, read in zip(found.quantities, run.readings, strict=True)
-        },
     }
 
 
@@ -436,23 +450,6 @@ _CAPTION = (
 )
 
 
-def _plots(found: History) -> Iterator[Plot]:
-    """Yield a plot for each kind of known quantity."""
-    names: dict[Kind, str] = {
-        "gravity parameter": "Gravity parameters", "inertia parameter": "Inertia parameters",
-        "friction level": "Friction", "offset": "Offsets",
-    }  # fmt: skip
-    for kind, name in names.items():
-        places = [k for k, each in enumerate(found.quantities) if each.kind == kind]
-        if places:
-            yield Plot(
-                kind.replace(" ", "-"),
-                partial(time_chart, found, places),
-                f"{name} over time, one panel each",
-                f"{name} over time. {_CAPTION}",
-            )
-
-
 def time_chart(found: History, places: Sequence[int]) -> Iterator[Panel]:
     """Draw the quantities at `places`, one panel per quantity."""
     # days or hours; run numbers if a run has no date
@@ -464,27 +461,25 @@ def time_chart(found: History, places: Sequence[int]) -> Iterator[Panel]:
         if np.ptp(at) >= 48.0:
             at, label = at / 24.0, "days since the first run"
     for place in places:
+        quantity, items = found.quantities[place], []
+        readings = [run.readings[place] for run in found.runs]
+        marked = {each.run for each in found.marked if each.quantity == quantity}
+        for name, colour, marks in (("as before", MEASURED, False), ("changed", MODEL, True)):
+            shown = [
+                (t, read.value, read.half_width, read.allowance)
+                for t, run, read in zip(at, found.runs, readings, strict=True)
+                if read is not None and (run.label in marked) == marks
+            ]
+            t, value, half, allowance = np.array(shown).reshape(-1, 4).T
+            if shown:
+                items += [
+                    Points(t, value, "o", MUTED, error=half + allowance, size=0.5),
+                    Points(t, value, "o", colour, name, error=half, size=2.4),
+                ]
         yield Panel(
-            tuple(_readings(found, place, at)),
-            title=found.quantities[place].title,
+            tuple(items),
+            title=quantity.title,
             x_label=label,
-            y_label=unit(found.quantities[place].unit),
+            y_label=unit(quantity.unit),
             height=105.0,
         )
-
-
-def _readings(found: History, place: int, at: np.ndarray) -> Iterator[Points]:
-    quantity = found.quantities[place]
-    readings = [run.readings[place] for run in found.runs]
-    marked = {each.run for each in found.marked if each.quantity == quantity}
-    groups = (("as before", MEASURED, False), ("changed", MODEL, True))
-    for name, colour, marks in groups:
-        shown = [
-            (t, read.value, read.half_width, read.allowance)
-            for t, run, read in zip(at, found.runs, readings, strict=True)
-            if read is not None and (run.label in marked) == marks
-        ]
-        t, value, half, allowance = np.array(shown).reshape(-1, 4).T
-        if shown:
-            yield Points(t, value, "o", MUTED, error=half + allowance, size=0.5)
-            yield Points(t, value, "o", colour, name, error=half, size=2.4)

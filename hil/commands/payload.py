@@ -58,8 +58,17 @@ def verdict(found: Load, advice: Mapping[str, str] | None = None) -> tuple[str, 
     """
     named = [q for q in found.quantities() if q.name == "mass" or "centre" in q.name]
     lines = ["; ".join(_worded(q) for q in named), *_rigidity_lines(found)]
+    by_help: dict[str, list[str]] = {}
     if not found.is_loose:
-        lines += _unsure_lines(found, advice or {})
+        helps, stated = advice or {}, "" if found.stated_mass else ", or state the mass"
+        for q in _rough(found):
+            figure = f"{q.name} (± {100 * q.half_width / abs(q.value):.0f} %)"
+            by_help.setdefault(helps.get(_parameter_of(q), WHOLE_RUNS), []).append(figure)
+        lines += [f"imprecise: {', '.join(q)}; {help_}{stated}" for help_, q in by_help.items()]
+        lines += [
+            f"not identifiable: {name}; {helps.get(name, WHOLE_RUNS)}"
+            for name in found.unidentifiable
+        ]
     if found.unseen:
         lines.append(
             f"taken as zero: {', '.join(found.unseen)}, absent from the last link in the robot "
@@ -92,19 +101,6 @@ def _advice(robot: Robot, pose: Pose) -> str:
     return (
         f"measure again with axis {pose.axis} at {at} {unit_of}: --pose axis{pose.axis}={at} ({to})"
     )
-
-
-def _unsure_lines(found: Load, advice: Mapping[str, str]) -> Iterator[str]:
-    """Yield uncertain and unidentifiable parameters with remedies, a line per remedy."""
-    else_ = "" if found.stated_mass else ", or state the mass"
-    by_help: dict[str, list[str]] = {}
-    for q in _rough(found):
-        figure = f"{q.name} (± {100 * q.half_width / abs(q.value):.0f} %)"
-        by_help.setdefault(advice.get(_parameter_of(q), WHOLE_RUNS), []).append(figure)
-    for help_, rough in by_help.items():
-        yield f"imprecise: {', '.join(rough)}; {help_}{else_}"
-    for name in found.unidentifiable:
-        yield f"not identifiable: {name}; {advice.get(name, WHOLE_RUNS)}"
 
 
 def _rough(found: Load, most: float = 0.1) -> list[Figure]:

@@ -182,23 +182,18 @@ def packed_recordings(
     if not recordings:
         return ""
     tracks = concatenate_recordings(robot, recordings, EACH * len(recordings))
+    # the recorded range in place of unknown joint limits
+    unknown = np.flatnonzero(~np.isfinite(robot.q_max - robot.q_min))
+    q = np.concatenate([each.recording.q[:, unknown] for each in recordings])
+    # more than a point
+    ends = np.nanmin(q, axis=0).tolist(), (np.nanmax(q, axis=0) + 1e-6).tolist()
+    passed = dict(zip((unknown + 1).tolist(), zip(*ends, strict=True), strict=True))
     scene = Scene(
         title=robot.name,
-        robot=_limited(robot, recordings),
+        robot=narrow_ranges(robot, Workspace(ranges=passed)),
         segments=tracks.segments,
         planned=tracks.set_point,
         measured=tracks,
         predicted=tracks.predicted,
     )
     return deflate(scene.data() | {"parameters": dict(parameters or {})})
-
-
-def _limited(robot: Robot, shown: Sequence[Shown]) -> Robot:
-    """Return the robot with the recorded range in place of unknown joint limits."""
-    unknown = np.flatnonzero(~np.isfinite(robot.q_max - robot.q_min))
-    q = np.concatenate([each.recording.q[:, unknown] for each in shown])
-    low, high = np.nanmin(q, axis=0), np.nanmax(q, axis=0) + 1e-6  # more than a point
-    passed = dict(
-        zip((unknown + 1).tolist(), zip(low.tolist(), high.tolist(), strict=True), strict=True)
-    )
-    return narrow_ranges(robot, Workspace(ranges=passed))

@@ -10,15 +10,13 @@ from dataclasses import replace
 from functools import partial
 from typing import TYPE_CHECKING
 
-from checked_files.yaml_file import FileModel
 from hil.commands.torques import model_and_run, played
 from hil.results.judgement import KeptJudgement
 from hil.results.model import Model
-from hil.results.provenance import RunStamp
+from hil.results.provenance import KeptResult, RunStamp
 from hil.results.tables.parameters import band_residual
 from hil.results.validation import Validation
 from hil.results.validation import validate as judge
-from hil.runs.atomic_file import write_file
 from hil.runs.journal import now
 from hil.show.outcome import Outcome
 from hil.show.rounding import significant
@@ -34,7 +32,7 @@ if TYPE_CHECKING:
 NAME, PAGE = "validation.yaml", "validation.html"
 
 
-class ValidationRecord(FileModel):
+class ValidationRecord(KeptResult):
     """Content of `validation.yaml`: a validation with its run and model.
 
     Attributes
@@ -48,6 +46,8 @@ class ValidationRecord(FileModel):
         Time of the validation.
     """
 
+    names = (NAME,)
+    width = 200
     run: RunStamp
     model: str
     method: str
@@ -98,8 +98,7 @@ def write_validation(run: Run, model: Model, model_path: Path, found: Validation
         validated=now(),
         validation=found,
     )
-    path = run.path / NAME
-    write_file(path, record.encode_yaml())
+    path = record.write(run.path)
     where = os.path.relpath(run.path, model_path.parent)
     kept = KeptJudgement.judge(
         found.reasons, lambda: found, run=where, validated=record.validated, relative=found.relative

@@ -10,7 +10,6 @@ import numpy as np
 
 from hil.commands.torques import model_and_run, played
 from hil.results.model import Model
-from hil.runs.atomic_file import write_file
 from hil.runs.pooling import recorded
 from hil.show.charts.chart import MEASURED, MODEL, Band, Line, Panel, Rule
 from hil.show.outcome import Outcome, Played
@@ -25,9 +24,9 @@ if TYPE_CHECKING:
     from hil.runs.run import Run
     from hil.show.charts.chart import Item
     from hil.show.table import Row
-    from hil.watching.watcher import Trace, TraceStretch
+    from hil.watching.watcher import Trace
 
-NAME, PAGE = "watch.yaml", "watch.html"
+PAGE = "watch.html"
 
 
 def watch(folder: Path, run: Run | None, found: Watched, trace: Trace) -> Outcome:
@@ -41,7 +40,7 @@ def watch(folder: Path, run: Run | None, found: Watched, trace: Trace) -> Outcom
         Torques around alarms.
     """
     folder.mkdir(parents=True, exist_ok=True)
-    write_file(folder / NAME, found.encode_yaml(80))
+    found.write(folder)
     model, units = Model.load(found.model), tuple(axis.unit for axis in found.axes)
     where = (
         "around its first alarm, or at the end without one"
@@ -141,20 +140,19 @@ def _row(axis: Sight) -> Row:
 def alarm_chart(trace: Trace, units: tuple[str, ...]) -> Iterator[Panel]:
     """Draw torques around each axis's first alarm, or at the end of the watch."""
     for axis, (stretch, unit) in enumerate(zip(trace.stretches(), units, strict=True), start=1):
+        seen = np.where(np.isfinite(stretch.threshold), stretch.threshold, np.nan)
+        low, high = (stretch.predicted + side * seen for side in (-1, 1))
+        items: list[Item] = [
+            Band(stretch.time, low, high, label="within the threshold"),
+            Line(stretch.time, stretch.measured, MEASURED, "measured"),
+            Line(stretch.time, stretch.predicted, MODEL, "predicted", "5 3"),
+        ]
+        if np.isfinite(stretch.alarm):
+            items.append(Rule(stretch.alarm, upright=True, label="alarm", dash="4 3"))
         yield Panel(
-            tuple(_watched(stretch)),
+            tuple(items),
             title=f"axis {axis}",
             x_label="time [s]",
             y_label=f"torque [{unit}]",
             width=357.0,
         )
-
-
-def _watched(stretch: TraceStretch) -> Iterator[Item]:
-    seen = np.where(np.isfinite(stretch.threshold), stretch.threshold, np.nan)
-    low, high = (stretch.predicted + side * seen for side in (-1, 1))
-    yield Band(stretch.time, low, high, label="within the threshold")
-    yield Line(stretch.time, stretch.measured, MEASURED, "measured")
-    yield Line(stretch.time, stretch.predicted, MODEL, "predicted", "5 3")
-    if np.isfinite(stretch.alarm):
-        yield Rule(stretch.alarm, upright=True, label="alarm", dash="4 3")

@@ -51,6 +51,8 @@ from hil.model.base_parameters import base_parameters
 from hil.model.dynamics import gravity_torque
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
     from hil.arrays import Array
     from hil.estimation.estimate import Estimate
     from hil.estimation.local_fits import LocalValue
@@ -324,18 +326,18 @@ def shifted_most(best: Estimate, errors: ModelErrors, torque_limit: Array) -> Ph
     return Phase(
         axis=value.axis + 1,
         over=over + 1,
-        q=tuple(value.q.tolist()),
+        q=value.q,
         stated=stated,
         extended=extended,
         angle=tuple(float(v.q[over]) for v in own),
         torque=tuple(_brought(errors, own, value.q, over).tolist()),
-        standard_error=tuple(
-            None if np.isnan(v.standard_error) else float(v.standard_error) for v in own
-        ),
+        standard_error=tuple(v.standard_error for v in own),
     )
 
 
-def _sinusoids(errors: ModelErrors, q: Array, axis: int, over: int) -> tuple[Sinusoid, Sinusoid]:
+def _sinusoids(
+    errors: ModelErrors, q: Sequence[float], axis: int, over: int
+) -> tuple[Sinusoid, Sinusoid]:
     """Return stated and extended torque of an axis over a single angle at `q`."""
     turned = np.tile(q, (3, 1))
     turned[:, over] = [0.0, np.pi / 2, np.pi]
@@ -347,7 +349,7 @@ def _sinusoids(errors: ModelErrors, q: Array, axis: int, over: int) -> tuple[Sin
     return found[0], found[1]
 
 
-def _brought(errors: ModelErrors, values: list[LocalValue], q: Array, over: int) -> Array:
+def _brought(errors: ModelErrors, values: list[LocalValue], q: Sequence[float], over: int) -> Array:
     """Return measured torques transferred to `q`: extended model plus centred residuals."""
     stated, extended = models(errors)
     axis = values[0].axis

@@ -2,17 +2,21 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
 from hil.estimation.fit_details import NO_DETAILS, FitDetails
 from hil.estimation.intervals import half_width
+from hil.least_squares.regression import ByName
 from hil.least_squares.uncertainty import correlation_of
+from hil.model.base_parameters import base_parameters
 
 if TYPE_CHECKING:
-    from hil.arrays import Array
+    from collections.abc import Sequence
+
+    from hil.arrays import Array, Mask
     from hil.estimation.back_and_forth.description import HalfSums
     from hil.estimation.drive_train import DriveTrain, LoadFriction
     from hil.estimation.free_motion.result import GainValue
@@ -20,6 +24,7 @@ if TYPE_CHECKING:
     from hil.estimation.local_fits import LocalValue
     from hil.estimation.simultaneous import Joint
     from hil.friction.law import FrictionLaw
+    from hil.model.robot import Robot
 
 
 class LeftOut(NamedTuple):
@@ -32,116 +37,151 @@ class LeftOut(NamedTuple):
         return f"{self.id}: {self.reason}"
 
 
-@dataclass(frozen=True, slots=True, eq=False, repr=False)
-class Estimate:
-    """Base parameters with uncertainty, and the underlying measurements.
+@dataclass(frozen=True, eq=False, repr=False, kw_only=True)
+class Estimate(ByName):
+    """Base parameters of a robot with uncertainty, and the underlying measurements.
 
     Attributes
     ----------
+    robot : Robot
     method : str
         One of `hil.estimation.identify.METHODS`.
-    p : ndarray, shape (n_base,)
-        Base parameters [kg m^2, kg m or kg].
-    covariance : ndarray, shape (n_base, n_base)
-        Covariance of the errors visible in the data.
+    values : ndarray, shape (n_base,)
+        Base parameters [kg m^2, kg m or kg, as in `units`].
+    scatter_covariance, drive_covariance : ndarray, shape (n_base, n_base)
+        Covariance of errors visible in the data, and of invisible errors: torque constants and
+        rotor inertias with the uncertainty stated in the robot file, and causes found but not
+        corrected (`covariance_of_drives`).
     degrees_of_freedom : ndarray, shape (n_base,)
-        Effective degrees of freedom: few if few measurements determine a parameter.
-    effect : ndarray, shape (n_base, 2 n_joints)
-        Change of p per relative change of each torque constant, then of each rotor inertia, whose
-        errors are not visible in the data.
-    stated : ndarray, shape (2 n_joints,)
-        Standard deviations of torque constants and rotor inertias, from the robot file.
+        Effective degrees of freedom of the errors visible in the data: few if few measurements
+        determine a parameter.
     residual : ndarray, shape (n_joints,)
-        Root mean square of each axis's torque residual, with friction fitted and signals filtered
-        as in the method; for the published method that of the local models of inertia and coupling
-        [N m]. NaN for an axis without such a measurement.
+        Root mean square of each axis's residual torque, with the method's low-pass and friction
+        fit; for the published method that of the local models of inertia and coupling [N m or N].
+        NaN for an axis that was not measured.
     condition : dict
         Condition number of each group's observation matrix, rows weighted by eq. (16); for a
         conventional method that of all parameters, ``"all"``.
+    friction_law : FrictionLaw
+        Friction to be overcome by the drives; unknown for all axes for methods without a law, and
+        in models from files of versions without friction.
     local : tuple of LocalValue
-        Step 1: values of the measurements, in the order of the plan; empty for a conventional
-        method.
+        Step 1: values of the single measurements with their friction, in the order of the plan;
+        empty for a conventional method, and for a file of an earlier version.
+    details : FreeMotionFit, BackAndForthFit or MeasurementFit
+        Settings and further results, by the kind of recordings. Free motions have cut-off, lags,
+        gears and gains; strokes of single axes have friction curves over the speed, and
+        unidentified parameters.
+    effect : ndarray, shape (n_base, 2 n_joints)
+        Change of `values` per relative change of each torque constant, then of each rotor inertia,
+        whose errors are not visible in the data. A file has the first half, or none of it.
+    edges : tuple of Edge
+        Lags and compliances at the edge of their search range.
     left_out : tuple of LeftOut
     n_measurements : int
         Number of measurements in the estimate.
-    friction_law : FrictionLaw
-        Friction law over all recordings; all axes unknown for methods without a law.
     drive_train : DriveTrain, optional
         Compensated torque delay and gear compliance of each axis; None for methods with recorded
-        torques and rigid gears.
+        torques and rigid gears, as the attributes below, which a file does not have.
     load_friction : LoadFriction, optional
-        Friction proportional to the transmitted torque; None for methods without it.
+        Friction proportional to the transmitted torque.
     gains : tuple of GainValue
         Gains left unknown by the maps of imports, estimated jointly with the measurements.
-    details : FreeMotionFit, BackAndForthFit or MeasurementFit
-        Settings and further results, by the kind of recordings.
     half_sums : tuple of HalfSums
         Step 1 of motions back and forth: rigid-body torque over the positions of each recording.
     combination : ndarray, shape (n_base, n_base), optional
-        ``combination @ truth`` is the quantity estimated by `p`; None for each parameter itself.
+        ``combination @ truth`` is the quantity estimated by `values`; None for each parameter
+        itself.
     prior_share : ndarray, shape (n_base,), optional
         Share of each variance, as the data alone give it, from the directions that a prior decides
         (`hil.estimation.prior`); None without a prior.
     joint : Joint, optional
         Regression of all samples of the improved method, for further evaluations.
-    edges : tuple of Edge
-        Lags and compliances at the edge of the search range.
-    shifts : tuple of ndarray, shape (n_base,)
-        Change of `p` by the correction of each cause found. The errors contain each shift as one
-        standard deviation, because `p` is not corrected.
     """
 
+    robot: Robot
     method: str
-    p: Array
-    covariance: Array
+    values: Array
+    scatter_covariance: Array
+    drive_covariance: Array
     degrees_of_freedom: Array
-    effect: Array
-    stated: Array
     residual: Array
     condition: dict[str, float]
-    local: tuple[LocalValue, ...]
-    left_out: tuple[LeftOut, ...]
-    n_measurements: int
     friction_law: FrictionLaw
+    local: tuple[LocalValue, ...] = ()
+    details: FitDetails = NO_DETAILS
+    effect: Array = field(default_factory=lambda: np.zeros((0, 0)))
+    edges: tuple[Edge, ...] = ()
+    left_out: tuple[LeftOut, ...] = ()
+    n_measurements: int = 0
     drive_train: DriveTrain | None = None
     load_friction: LoadFriction | None = None
-    details: FitDetails = NO_DETAILS
+    gains: tuple[GainValue, ...] = ()
     half_sums: tuple[HalfSums, ...] = ()
     combination: Array | None = None
-    gains: tuple[GainValue, ...] = ()
     prior_share: Array | None = None
     joint: Joint | None = None
-    edges: tuple[Edge, ...] = ()
-    shifts: tuple[Array, ...] = ()
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Names of the base parameters, ``p1`` and on."""
+        return base_parameters(self.robot).names
 
     @property
     def drive_effect(self) -> Array:
-        """Change of p by a standard deviation of every stated drive value, shape of `effect`."""
-        return self.effect * self.stated
+        """Change of `values` by a standard deviation of every stated drive value, as `effect`."""
+        return self.effect * self.robot.stated_uncertainty
 
     @property
-    def drive_covariance(self) -> Array:
-        """Covariance of `p` from errors of drive values, shape (n_base, n_base)."""
-        carried = np.column_stack([self.drive_effect, *self.shifts])
-        return carried @ carried.T
-
-    @property
-    def standard_error(self) -> Array:
-        """Standard errors of `p` from scatter of the data and errors of drive values, (n_base,)."""
-        return np.sqrt(np.diag(self.covariance) + np.diag(self.drive_covariance))
+    def covariance(self) -> Array:
+        """Total covariance of `values`, by visible and invisible errors, shape (n_base, n_base)."""
+        return self.scatter_covariance + self.drive_covariance
 
     @property
     def correlation(self) -> Array:
-        """Correlations of the errors of `p`, shape (n_base, n_base)."""
-        return correlation_of(self.covariance + self.drive_covariance)
+        """Correlations of the errors of `values`, shape (n_base, n_base)."""
+        return correlation_of(self.covariance)
+
+    @property
+    def identified(self) -> Mask:
+        """Which of `values` were identified, shape (n_base,); the others are zero."""
+        return np.array([name not in self.details.not_identified for name in self.names])
+
+    @property
+    def standard_errors(self) -> Array:
+        """Standard errors of `values`, shape (n_base,); NaN for unidentified parameters."""
+        errors: Array = np.where(self.identified, np.sqrt(np.diag(self.covariance)), np.nan)
+        return errors
 
     def half_width(self, level: float = 0.95) -> Array:
         """Return half-widths of confidence intervals, shape (n_base,)."""
-        scatter, stated = np.diag(self.covariance), np.diag(self.drive_covariance)
+        scatter, stated = np.diag(self.scatter_covariance), np.diag(self.drive_covariance)
         return half_width(scatter, stated, self.degrees_of_freedom, level)
 
-    def __repr__(self) -> str:
-        return (
-            f"<Estimate of {len(self.p)} base parameters, {self.method} method,"
-            f" {self.n_measurements} measurements>"
-        )
+    @property
+    def _found(self) -> dict[str, tuple[float, float]]:
+        pairs = zip(self.values.tolist(), self.standard_errors.tolist(), strict=True)
+        return dict(zip(self.names, pairs, strict=True))
+
+    def _half_widths(self, level: float) -> dict[str, float]:
+        half = np.where(self.identified, self.half_width(level), np.nan)
+        return dict(zip(self.names, half.tolist(), strict=True))
+
+
+def covariance_of_drives(robot: Robot, effect: Array, shifts: Sequence[Array] = ()) -> Array:
+    """Return the covariance of base parameters from errors that the data do not show.
+
+    Parameters
+    ----------
+    effect : ndarray, shape (n_base, 2 n_joints)
+        See `Estimate`; the robot file states the standard deviations.
+    shifts : sequence of ndarray, shape (n_base,)
+        Changes of the parameters by the correction of each cause found. Each shift counts as one
+        standard deviation, because the parameters are not corrected.
+
+    Returns
+    -------
+    ndarray, shape (n_base, n_base)
+    """
+    carried = np.column_stack([effect * robot.stated_uncertainty, *shifts])
+    return np.asarray(carried @ carried.T)

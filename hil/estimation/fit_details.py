@@ -1,4 +1,4 @@
-"""Details of a fit other than base parameters and friction laws, by the kind of its recordings."""
+"""Details of a fit other than base parameters and friction laws, by the kind of recordings."""
 
 from __future__ import annotations
 

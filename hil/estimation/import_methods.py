@@ -35,7 +35,7 @@ from hil.estimation.back_and_forth.description import remarks as stroke_remarks
 from hil.estimation.back_and_forth.halves import halves_of
 from hil.estimation.back_and_forth.result import BackAndForthFit
 from hil.estimation.back_and_forth.solution import solve as solve_strokes
-from hil.estimation.estimate import Estimate, LeftOut
+from hil.estimation.estimate import Estimate, LeftOut, covariance_of_drives
 from hil.estimation.free_motion.bias_test import bias_test
 from hil.estimation.free_motion.choice import classical_choice
 from hil.estimation.free_motion.description import (
@@ -134,8 +134,9 @@ def _combine_rates(
     solution = settled(robot, joint.regression, fit, visited, options.prior)
     return replace(
         fastest,
-        p=solution.fit.x[:n],
-        covariance=solution.fit.covariance[:n, :n],
+        values=solution.fit.x[:n],
+        scatter_covariance=solution.fit.covariance[:n, :n],
+        drive_covariance=covariance_of_drives(robot, joint.effect),
         degrees_of_freedom=fit.degrees_of_freedom[:n],
         effect=joint.effect,
         prior_share=solution.prior_share,
@@ -200,15 +201,15 @@ def estimate_from(
         compliance=compliances(robot, processing.soft, fit),
     )
     return Estimate(
+        robot=robot,
         method=name,
-        p=fit.x[:n],
-        covariance=fit.covariance[:n, :n],
+        values=fit.x[:n],
+        scatter_covariance=fit.covariance[:n, :n],
+        drive_covariance=covariance_of_drives(robot, gathered.effect),
         degrees_of_freedom=fit.degrees_of_freedom[:n],
         effect=gathered.effect,
-        stated=robot.stated_uncertainty,
         residual=left.rms,
         condition={"all": plain.condition},
-        local=(),
         left_out=tuple(LeftOut(each, FEW) for each in found.too_short),
         n_measurements=found.n_recordings,
         prior_share=solution.prior_share,
@@ -253,17 +254,17 @@ def fit_back_and_forth(
     left = residuals(whole, recordings, solution)
     cut_offs = [each.cut_off for each in recordings]
     return Estimate(
+        robot=robot,
         method=NAME,
-        p=fit.x[:n],
-        covariance=fit.covariance[:n, :n],
+        values=fit.x[:n],
+        scatter_covariance=fit.covariance[:n, :n],
+        drive_covariance=covariance_of_drives(robot, solution.effect[:n]),
         degrees_of_freedom=np.where(
             np.isin(np.arange(n), fit.kept), fit.degrees_of_freedom[:n], MANY
         ),
         effect=solution.effect[:n],
-        stated=robot.stated_uncertainty,
         residual=np.where(left.torque > 0, left.rms, np.nan),
         condition={"all": fit.condition},
-        local=(),
         left_out=tuple(left_out),
         n_measurements=len(recordings),
         friction_law=FrictionLaw.absent(robot.n_joints),

@@ -27,6 +27,7 @@ from typing import TYPE_CHECKING, Any, Literal, NamedTuple
 
 import numpy as np
 
+from checked_files.yaml_file import FileModel
 from hil.errors import NotEnoughData
 from hil.friction.equation import LOAD, SLOW, own_friction
 from hil.least_squares.layout import embedded
@@ -35,7 +36,7 @@ from hil.model.base_parameters import base_parameters
 from hil.model.dependencies import GRAVITY
 from hil.model.dynamics import regressors
 from hil.model.motors import motor_torque
-from hil.planning.measurement import ELEMENT_KINDS, Inertia
+from hil.planning.measurement import ELEMENT_KINDS, Coupling, Inertia
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -45,56 +46,57 @@ if TYPE_CHECKING:
     from hil.arrays import Array
     from hil.estimation.signals import Signals
     from hil.model.robot import Robot
-    from hil.planning.measurement import Coupling, ElementMeasurement, Gravity
+    from hil.planning.measurement import ElementMeasurement, Gravity
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class LocalValue:
+class LocalValue(FileModel):
     """Measured element of g(q) or M(q).
 
     Attributes
     ----------
     id, kind : str
     axis, partner : int
-        Measured joint, accelerated joint; indices from 0.
-    q : ndarray, shape (n_joints,)
+        Measured joint, accelerated joint; indices from 0, in `model.yaml` from 1.
+    q : tuple of float, shape (n_joints,)
         Mean configuration [rad].
     time : float
         Middle of the recording, since the start of the bus [s].
     value, model : float
         Measured value, and value by the base parameters: g_i [N m], M_ii or M_ji [kg m^2].
-    standard_error : float
-        Standard error of `value`, from the scatter inside the measurement; NaN without scatter.
+    standard_error : float or None
+        Standard error of `value`, from the scatter inside the measurement; None without scatter.
     friction : float
         Friction level at `hil.estimation.local_fits.REFERENCE_SPEED`, or at creep speed for a
         creeping axis, mean of both directions [N m].
     residual : float
         Root mean square residual of the local model [N m].
-    believed, believed_error : float
+    believed, believed_error : float or None
         Value and standard error after subtraction of further estimated effects
-        (`hil.estimation.local_fits.believed_fit`); NaN for methods without such effects.
+        (`hil.estimation.local_fits.believed_fit`); None for methods without such effects, and in
+        `model.yaml`.
     """
 
     id: str
     kind: str
     axis: int
     partner: int
-    q: Array
+    q: tuple[float, ...]
     time: float
     value: float
     model: float
-    standard_error: float
+    standard_error: float | None
     friction: float
     residual: float
-    believed: float = np.nan
-    believed_error: float = np.nan
+    believed: float | None = None
+    believed_error: float | None = None
 
     @property
     def shown(self) -> tuple[float, float]:
-        """Value and standard error for comparison with the model."""
-        if np.isnan(self.believed):
-            return self.value, self.standard_error
-        return self.believed, self.believed_error
+        """Value and standard error for comparison with the model; NaN without scatter."""
+        value, error = self.believed, self.believed_error
+        if value is None:
+            value, error = self.value, self.standard_error
+        return value, np.nan if error is None else error
 
     @property
     def symbol(self) -> Literal["g", "M"]:
@@ -111,7 +113,10 @@ class LocalFit:
 
     Attributes
     ----------
-    id, kind, axis, partner, q, time
+    measurement : ElementMeasurement
+    q : ndarray, shape (n_joints,)
+        Mean configuration [rad or m].
+    time : float
         See `LocalValue`.
     sides : ndarray, shape (2 + n_base,)
         Value of the element for each column. The gravity columns of a gravity measurement are zero,
@@ -126,10 +131,7 @@ class LocalFit:
         Row of the element in the model: ``row @ p``.
     """
 
-    id: str
-    kind: str
-    axis: int
-    partner: int
+    measurement: ElementMeasurement
     q: Array
     time: float
     sides: Array
@@ -141,17 +143,18 @@ class LocalFit:
     def evaluate(self, p: Array) -> LocalValue:
         """Return values with gravity compensated by base parameters `p`."""
         weights = np.concatenate([[1.0, -1.0], -p])
-        residual = float(np.sqrt(max(weights @ self.gram @ weights, 0.0)))
+        residual, m = float(np.sqrt(max(weights @ self.gram @ weights, 0.0))), self.measurement
+        error = float(self.leverage * residual)
         return LocalValue(
-            id=self.id,
-            kind=self.kind,
-            axis=self.axis,
-            partner=self.partner,
-            q=self.q,
+            id=m.id,
+            kind=m.kind,
+            axis=m.index,
+            partner=m.partner.index if isinstance(m, Coupling) else m.index,
+            q=tuple(self.q.tolist()),
             time=self.time,
             value=float(self.sides @ weights),
             model=float(self.row @ p),
-            standard_error=self.leverage * residual,
+            standard_error=None if np.isnan(error) else error,
             friction=float(self.friction @ weights),
             residual=residual,
         )
@@ -241,10 +244,7 @@ def _gravity(robot: Robot, m: Gravity, s: Signals) -> LocalFit:
     n = 2 + len(base_parameters(robot))
     torques = half_sums[:, :2] - mean[:2]
     return LocalFit(
-        id=m.id,
-        kind=m.kind,
-        axis=i,
-        partner=i,
+        measurement=m,
         q=_mean_q(s, s.stroke >= 0),
         time=float(s.time.mean()),
         sides=embedded(mean[:2], np.arange(2), n),
@@ -312,10 +312,7 @@ def _mass_element(
     weights = np.zeros(len(used))
     weights[used] = Q @ root[0]
     return LocalFit(
-        id=m.id,
-        kind=m.kind,
-        axis=element[0],
-        partner=element[1],
+        measurement=m,
         q=_mean_q(s, used),
         time=float(s.time.mean()),
         sides=embedded(pr[0], signals.place, n),

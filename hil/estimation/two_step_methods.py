@@ -38,7 +38,7 @@ import numpy as np
 from hil.errors import NotEnoughData, NotIdentifiable
 from hil.estimation.campaign_friction import campaign_friction
 from hil.estimation.drive_train import CERTAIN, find_drive_train
-from hil.estimation.estimate import Estimate, LeftOut
+from hil.estimation.estimate import Estimate, LeftOut, covariance_of_drives
 from hil.estimation.free_motion.variants import DEFAULT
 from hil.estimation.friction.points import history
 from hil.estimation.local_fits import ELSEWHERE, believed_fit, local_fit
@@ -92,8 +92,9 @@ def conditions(
         N, size = rows.T @ rows, None
         if hidden:
             # gravity elements of an axis are one kind, elements of M(q) the other
-            axes = [f.axis if ELEMENT_KINDS[f.kind].symbol == "g" else -1 for f in fits]
-            every = np.array([f.row / robot.torque_limit[f.axis] for f in fits])
+            of = [f.measurement for f in fits]
+            axes = [m.index if ELEMENT_KINDS[m.kind].symbol == "g" else -1 for m in of]
+            every = np.array([f.row / robot.torque_limit[f.measurement.index] for f in fits])
             N, size = eliminate_others(every, np.array(axes), columns)
         lost = undetermined(N, IDENTIFIABLE, size).any()
         condition[group] = np.inf if lost else float(np.sqrt(np.linalg.cond(N)))
@@ -104,7 +105,11 @@ def _rows(robot: Robot, fits: Sequence[LocalFit], group: str) -> Array:
     """Return the observation matrix of a group, rows weighted by eq. (16)."""
     columns = list(base_parameters(robot).groups[group])
     kinds = _kinds(group)
-    rows = [f.row[columns] / robot.torque_limit[f.axis] for f in fits if f.kind in kinds]
+    rows = [
+        f.row[columns] / robot.torque_limit[f.measurement.index]
+        for f in fits
+        if f.measurement.kind in kinds
+    ]
     return np.array(rows).reshape(len(rows), len(columns))
 
 
@@ -163,8 +168,8 @@ class TwoStep:
         self._groups = base_parameters(robot).groups
         self._n_base = len(base_parameters(robot))
         self._n_joints = robot.n_joints
-        self._group = np.array([ELEMENT_KINDS[f.kind].group for f in local])
-        self._axis = np.array([f.axis for f in local])
+        self._group = np.array([ELEMENT_KINDS[f.measurement.kind].group for f in local])
+        self._axis = np.array([f.measurement.index for f in local])
         self._weight = 1.0 / robot.torque_limit[self._axis]
         self._rows = np.array([f.row + f.sides[2:] for f in local])
         self._torque = np.array([f.sides[0] for f in local])
@@ -352,7 +357,8 @@ def _believed(
         m, s = prepared[each.id]
         common = found.solver.solution[place(robot, m.index)[found.solver.n_base :]]
         seen = believed_fit(robot, m, s, p, common).evaluate(p)
-        values.append(replace(each, believed=seen.value, believed_error=seen.standard_error))
+        update = {"believed": seen.value, "believed_error": seen.standard_error}
+        values.append(each.model_copy(update=update))
     for _, s in found.prepared:
         s.drop_rows()
     return tuple(values)
@@ -406,12 +412,13 @@ def estimate_of(
         if squares:
             residual[axis] = np.sqrt(np.mean(squares))
     return Estimate(
+        robot=robot,
         method=method,
-        p=p,
-        covariance=covariance,
+        values=p,
+        scatter_covariance=covariance,
+        drive_covariance=covariance_of_drives(robot, effect),
         degrees_of_freedom=degrees,
         effect=effect,
-        stated=robot.stated_uncertainty,
         residual=residual,
         condition=condition,
         local=local,

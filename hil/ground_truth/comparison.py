@@ -8,7 +8,8 @@ uncertainties.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -44,13 +45,11 @@ class ModelComparison:
 
     Attributes
     ----------
-    robot : Robot
-    values, others : ndarray, shape (n_base,)
-    standard_errors : ndarray, shape (n_base,)
-        Standard errors of the difference, for independent errors of both models.
-    torque : ndarray, shape (n_joints,)
-        Root mean square of the difference of predicted rigid-body torques on a free motion,
-        relative to the torque of the second model; NaN for a joint without torque.
+    model : Estimate
+    others : ndarray, shape (n_base,)
+        Base parameters of the second model, or true ones.
+    variances : ndarray, shape (n_base,)
+        Squared standard errors of `others`; 0 for the truth.
 
     Examples
     --------
@@ -59,11 +58,34 @@ class ModelComparison:
     ((14,), True)
     """
 
-    robot: Robot
-    values: Array
+    model: Estimate
     others: Array
-    standard_errors: Array
-    torque: Array
+    variances: Array | float = 0.0
+
+    @property
+    def robot(self) -> Robot:
+        """Robot of both models."""
+        return self.model.robot
+
+    @property
+    def values(self) -> Array:
+        """Base parameters of the model, shape (n_base,)."""
+        return self.model.values
+
+    @property
+    def standard_errors(self) -> Array:
+        """Errors of the difference, for independent errors of both models, shape (n_base,)."""
+        return np.sqrt(np.diag(self.model.covariance) + self.variances)
+
+    @cached_property
+    def torque(self) -> Array:
+        """Torque of the difference over the torque of the second model, shape (n_joints,).
+
+        Root mean squares of rigid-body torques on a free motion; NaN for a joint without torque.
+        """
+        torques = FreeTorques(self.robot)
+        other = torques.rms(self.others)
+        return torques.rms(self.difference) / np.where(other > 0, other, np.nan)
 
     @property
     def difference(self) -> Array:
@@ -133,15 +155,11 @@ def compare(model: Model | Path | str, other: Model | Path | str) -> ModelCompar
     True
     """
     model = loaded(model)
-    robot, variance = model.robot, np.diag(model.covariance)
     if isinstance(other, Model) or _is_model(other):
         second = loaded(other)
-        second.refuse_other_robot(robot, "the first model")
-        values, variance = second.values, variance + np.diag(second.covariance)
-    else:
-        values = true_parameters(robot, other)
-    torque = _torque_error(robot, model.values - values, values)
-    return ModelComparison(robot, model.values, values, np.sqrt(variance), torque)
+        second.refuse_other_robot(model.robot, "the first model")
+        return ModelComparison(model, second.values, np.diag(second.covariance))
+    return ModelComparison(model, true_parameters(model.robot, other))
 
 
 def _is_model(place: Path | str) -> bool:
@@ -151,21 +169,25 @@ def _is_model(place: Path | str) -> bool:
 
 @dataclass(frozen=True, eq=False)
 class Comparison(ModelComparison):
-    """Errors of an estimate: `values` are estimated, `others` true.
+    """Errors of an estimate: `others` are true.
 
     Attributes
     ----------
-    half_width : ndarray, shape (n_base,)
-        Half-widths of the 95 % intervals of the estimate.
-    group_error : dict
-        Relative norm of the error of each group of base parameters.
     source : str
         Source of the estimate.
     """
 
-    half_width: Array
-    group_error: dict[str, float]
     source: str = ""
+
+    @property
+    def group_error(self) -> dict[str, float]:
+        """Relative norm of the error of each group of base parameters that is not zero."""
+        groups, norm = base_parameters(self.robot).groups, np.linalg.norm
+        members = {group: list(k) for group, k in groups.items() if self.others[list(k)].any()}
+        return {
+            group: float(norm(self.difference[k]) / norm(self.others[k]))
+            for group, k in members.items()
+        }
 
     def summary(self) -> Outcome:
         """Return errors of parameters, groups and torques, and the coverage."""
@@ -174,31 +196,12 @@ class Comparison(ModelComparison):
     @property
     def inside(self) -> Mask:
         """Mask of 95 % intervals that hold the truth, shape (n_base,)."""
-        return np.abs(self.difference) <= self.half_width
+        return np.abs(self.difference) <= self.model.half_width()
 
     @property
     def mean_torque_error(self) -> float:
         """Mean of `torque` over the joints."""
         return float(np.nanmean(self.torque))
-
-
-def comparison(estimate: Estimate, robot: Robot, truth: Array) -> Comparison:
-    """Compare an estimate with the true base parameters, shape (n_base,)."""
-    groups = base_parameters(robot).groups
-    members = {group: list(k) for group, k in groups.items() if k and truth[list(k)].any()}
-    error = estimate.p - truth
-    return Comparison(
-        robot=robot,
-        values=estimate.p,
-        others=truth,
-        standard_errors=estimate.standard_error,
-        torque=_torque_error(robot, error, truth),
-        half_width=estimate.half_width(),
-        group_error={
-            group: float(np.linalg.norm(error[k]) / np.linalg.norm(truth[k]))
-            for group, k in members.items()
-        },
-    )
 
 
 def truth_comparison(
@@ -232,12 +235,12 @@ def truth_comparison(
         refuse_other_plant(each, truth)
     _refuse_other_model(run, others)
     recordings = list(pooled([run, *others]))
-    result = comparison(found_in(run, method, others).estimate, run.robot, true)
+    model = found_in(run, method, others).model
     source = (
         f"{count(len(recordings), 'measurement')} in {clock(recordings[-1][1].time[-1])} of robot"
         f" time, {method} method, truth of {truth}"
     )
-    return replace(result, source=source)
+    return Comparison(model, true, source=source)
 
 
 def _refuse_other_model(run: Run, others: Sequence[Run]) -> None:
@@ -288,13 +291,6 @@ def _parameter(result: Comparison, base: BaseParameters, k: int) -> Row:
         "yes" if result.inside[k] else Marked("no"),
         unit(base.units[k]),
     )
-
-
-def _torque_error(robot: Robot, error: Array, truth: Array) -> Array:
-    """Return relative errors of the rigid-body torques, which are linear in p."""
-    torques = FreeTorques(robot)
-    true = torques.rms(truth)
-    return torques.rms(error) / np.where(true > 0, true, np.nan)
 
 
 def _percent(share: float) -> str:

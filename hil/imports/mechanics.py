@@ -199,7 +199,7 @@ def _misread(
     """Yield a suspicion if another reading of the map explains the torques.
 
     Masks have the shape (n_joints,). Torques of `strangers` do not follow the motion of their axes.
-    A `poor` model of some axis permits that several signs are wrong, and of half of them another order
+    A `poor` model of some axis permits several wrong signs, and of half of the axes another order
     of all columns. Energies count if motion is `fast`: some axis has accelerations beyond the noise
     of its position.
     """

@@ -68,7 +68,7 @@ def stream(bus: DriveBus, trajectory: Trajectory) -> Recording:
 
 
 def pass_slowly(bus: DriveBus, trajectory: Trajectory, slow: float) -> Sample:
-    """Run one period at `slow` times its speed, unrecorded; return the last sample."""
+    """Run one period at `slow` times the speed, unrecorded; return the last sample."""
     for sample, _ in _followed(bus, trajectory.once, slow):
         last = sample
     return last

@@ -30,14 +30,11 @@ from hil.view.along_motion import carriers, join_predictions
 from hil.view.page import view_script
 
 if TYPE_CHECKING:
-    from collections.abc import Collection, Iterable, Iterator, Sequence
-
-    from jinja2 import Environment
+    from collections.abc import Collection, Sequence
 
     from hil.results.model import Model
     from hil.runs.recording_file import Measured
     from hil.runs.run import Run
-    from hil.show.section import Plot, Section
 
 
 def carried(run: ReportedRun, ids: Collection[str], played: Collection[str]) -> str:
@@ -77,51 +74,32 @@ Downloads = tuple[tuple[str, str, str], ...]
 
 def downloads(model: Model) -> Downloads:
     """Convert the base parameters of a model to files."""
-    rows = _rows(model)
-    name = f"{model.robot.name}-parameters"
-    return (
-        (f"{name}.csv", "CSV", data_uri(_csv(rows).encode(), "text/csv;charset=utf-8")),
-        (f"{name}.json", "JSON", data_uri(_json(model, rows).encode(), "application/json")),
-    )
-
-
-def _rows(model: Model) -> list[dict[str, str | float]]:
-    interval = model.interval(0.95)
-    columns = zip(
-        model.names, base_parameters(model.robot).meanings, model.values, model.standard_errors,
-        interval, model.units, model.expressions, strict=True,
-    )  # fmt: skip
-    return [
-        {
-            "name": name,
-            "meaning": meaning,
-            "value": float(value),
-            "standard_error": float(error),
-            "low_95": float(low),
-            "high_95": float(high),
-            "unit": unit,
-            "expression": expression,
-        }
-        for name, meaning, value, error, (low, high), unit, expression in columns
-    ]
-
-
-def _csv(rows: list[dict[str, str | float]]) -> str:
-    written = io.StringIO()
-    table = csv.DictWriter(written, rows[0].keys(), lineterminator="\n")
-    table.writeheader()
-    table.writerows(rows)
-    return written.getvalue()
-
-
-def _json(model: Model, rows: list[dict[str, str | float]]) -> str:
+    low, high = model.interval(0.95).T.tolist()
+    columns = {
+        "name": model.names, "meaning": base_parameters(model.robot).meanings,
+        "value": model.values.tolist(), "standard_error": model.standard_errors.tolist(),
+        "low_95": low, "high_95": high, "unit": model.units, "expression": model.expressions,
+    }  # fmt: skip
+    rows = [dict(zip(columns, each, strict=True)) for each in zip(*columns.values(), strict=True)]
+    text = io.StringIO()
+    written = csv.DictWriter(text, columns, lineterminator="\n")
+    written.writeheader()
+    written.writerows(rows)
     content = {
         "robot": model.robot.name,
         "method": model.method,
         "parameters": rows,
         "covariance": model.covariance.tolist(),
     }
-    return json.dumps(content, indent=1) + "\n"
+    by_kind = (
+        ("csv", "text/csv;charset=utf-8", text.getvalue()),
+        ("json", "application/json", json.dumps(content, indent=1) + "\n"),
+    )
+    name = f"{model.robot.name}-parameters"
+    return tuple(
+        (f"{name}.{kind}", kind.upper(), data_uri(whole.encode(), media))
+        for kind, media, whole in by_kind
+    )
 
 
 NAME = "report.html"
@@ -160,8 +138,17 @@ def report(run: Run | Path | str, figures: Path | None = None) -> Path:
     sections = list(filter(None, (each(whole) for each in registry)))
     path = run.path / NAME
     templates = environment(*TEMPLATES)
-    texts = [(section, _text(templates, section)) for section in sections]
-    charts = [plot.chart for plot in _plots(sections)]
+    texts = [
+        (
+            each,
+            templates.get_template(each.template).render(
+                plots={plot.name: plot for plot in each.plots}, **each.values
+            ),
+        )
+        for each in sections
+    ]
+    plots = [plot for each in sections for plot in each.plots]
+    charts = [plot.chart for plot in plots]
     behind = frozenset[str]().union(*(chart.ids for chart in charts))
     played = {panel.recording for chart in charts for panel in chart.panels if panel.recording}
     values = {
@@ -175,12 +162,11 @@ def report(run: Run | Path | str, figures: Path | None = None) -> Path:
     }
     write_html(path, NAME, view_script() if values["carried"] else "", **values)
     if figures is not None:
-        _write_figures(figures, _plots(sections))
+        with file_errors(figures, "made"):
+            figures.mkdir(parents=True, exist_ok=True)
+        for plot in plots:
+            write_file(figures / f"{plot.name}.svg", plot.file)
     return path
-
-
-def _plots(sections: Iterable[Section]) -> list[Plot]:
-    return [plot for each in sections for plot in each.plots]
 
 
 def _top(run: ReportedRun) -> dict[str, object]:
@@ -192,55 +178,33 @@ def _top(run: ReportedRun) -> dict[str, object]:
     begun = ("Imported", "From") if source.imported else ("Measured", "Bus")
     recorded = sum(float(each.time[-1] - each.time[0]) for _, each in run.recordings)
     total = max(float(each.time[-1]) for _, each in run.recordings)
+    verdicts: list[Verdict] = []
+    if run.is_identified:
+        # the judgement of the model, and the error on other recordings or on the same ones
+        verdicts += run.model.verdict.verdicts[:1] if run.model.verdict else ()
+        validations = run.kept_model.validations if run.kept_model else ()
+        if validations:
+            first, other = validations[-1].verdicts[0], validations[-1].run
+            verdicts.append(first._replace(text=f"on other recordings ({other}): {first.text}"))
+        elif run.model.band_residual is not None:
+            text = f"on these recordings: {run.model.band_residual}"
+            verdicts.append(Verdict("note", "note", text))
+    # the chosen law of each axis, with the error
+    for each in run.friction.axes if not run.is_identified and run.friction else ():
+        error, unit = each.models[each.chosen].held_out_error, run.robot.torque_unit(each.axis)
+        tested = "" if error is None else f", {significant(error, 3)} {unit} rms at held-out speeds"
+        verdicts.append(Verdict("note", f"axis {each.axis + 1}", f"{each.chosen}{tested}"))
     sessions, took = len(journal.sessions), duration(recorded if source.imported else total)
     took += f" in {sessions} sessions" if sessions > 1 else ""
     return {
         "title": f"{run.robot.name}: {'identified dynamics' if run.is_identified else 'friction'}",
-        "verdicts": tuple(_verdicts(run) if run.is_identified else _laws(run)),
+        "verdicts": tuple(verdicts),
         "facts": (
             *zip(begun, (began, bus), strict=True),
             ("Measurements", counts(run.campaign)),
             ("Recorded" if source.imported else "Robot time", took),
         ),
     }
-
-
-def _verdicts(run: ReportedRun) -> Iterator[Verdict]:
-    """Yield the judgement of the model, and its error on other recordings or on its own."""
-    if run.model.verdict is not None:
-        yield run.model.verdict.verdicts[0]
-    validations = run.kept_model.validations if run.kept_model else ()
-    if validations:
-        last = validations[-1]
-        first = last.verdicts[0]
-        yield first._replace(text=f"on other recordings ({last.run}): {first.text}")
-    elif run.model.band_residual is not None:
-        yield Verdict("note", "note", f"on these recordings: {run.model.band_residual}")
-
-
-def _laws(run: ReportedRun) -> Iterator[Verdict]:
-    """Yield the chosen law of each axis of a run about friction alone, with its error."""
-    for each in run.friction.axes if run.friction else ():
-        error = each.models[each.chosen].held_out_error
-        tested = (
-            f", {significant(error, 3)} {run.robot.torque_unit(each.axis)} rms at held-out speeds"
-            if error is not None
-            else ""
-        )
-        yield Verdict("note", f"axis {each.axis + 1}", f"{each.chosen}{tested}")
-
-
-def _text(templates: Environment, section: Section) -> str:
-    """Render a section."""
-    plots = {plot.name: plot for plot in section.plots}
-    return templates.get_template(section.template).render(plots=plots, **section.values)
-
-
-def _write_figures(folder: Path, plots: Iterable[Plot]) -> None:
-    with file_errors(folder, "made"):
-        folder.mkdir(parents=True, exist_ok=True)
-    for plot in plots:
-        write_file(folder / f"{plot.name}.svg", plot.file)
 
 
 def counts(campaign: Sequence[Measured]) -> str:

@@ -21,7 +21,6 @@ from hil.view.along_motion import stretches
 
 if TYPE_CHECKING:
     from hil.commands.friction import FrictionResult
-    from hil.estimation.estimate import Estimate
     from hil.estimation.local_fits import LocalValue
     from hil.model.robot import Robot
     from hil.planning.measurement import RecordedMotion
@@ -106,18 +105,29 @@ class ReportedRun:
 
     @cached_property
     def found(self) -> Findings:
-        """Results of `hil identify`, by the method of the kept model."""
-        return found_in(self.source, *_method(self.source), self.campaign)
+        """Results of `hil identify`, by the method and with the other runs of the kept model.
+
+        Without a model, the method follows from the recordings.
+        """
+        run = self.source
+        method, together = default_method(run.motions)[0], tuple[str, ...]()
+        with suppress(FileError):
+            origin = read_model_file(run.path / NAME).provenance
+            if origin.method in METHODS:
+                method, together = origin.method, origin.together_with
+        others = together if method == JOINT else ()
+        beside = tuple(Run.open(_neighbour(run, Path(each))) for each in others)
+        return found_in(run, method, beside, self.campaign)
 
     @property
-    def estimate(self) -> Estimate:
-        """Estimate shown in the report."""
-        return self.found.estimate
+    def estimate(self) -> Model:
+        """Model of the estimation, with its data."""
+        return self.found.model
 
     @cached_property
     def model(self) -> Model:
-        """Model of the estimate, or the model in the folder if refined from this estimate."""
-        found, kept = self.found.model, self._saved_model
+        """Model of the estimation, or the model in the folder if refined from this one."""
+        found, kept = self.estimate, self._saved_model
         refined = kept and kept.refinement
         return kept if kept and refined and refined.start_digest == found.digest else found
 
@@ -155,20 +165,6 @@ class ReportedRun:
     def local_values(self, kind: str) -> list[LocalValue]:
         """Return the local values of a kind of measurement, in the order of the plan."""
         return [value for value in self.estimate.local if value.kind == kind]
-
-
-def _method(run: Run) -> tuple[str, tuple[Run, ...]]:
-    """Return the method of the kept model, and jointly identified runs.
-
-    Without a model, the method follows from the recordings.
-    """
-    method, together = default_method(run.motions)[0], tuple[str, ...]()
-    with suppress(FileError):
-        origin = read_model_file(run.path / NAME).provenance
-        if origin.method in METHODS:
-            method, together = origin.method, origin.together_with
-    others = together if method == JOINT else ()
-    return method, tuple(Run.open(_neighbour(run, Path(each))) for each in others)
 
 
 def _neighbour(run: Run, path: Path) -> Path:

@@ -51,21 +51,22 @@ if TYPE_CHECKING:
     from hil.estimation.estimate import Estimate
     from hil.model.robot import Robot
     from hil.planning.plan import Plan
+    from hil.results.identified_robot import IdentifiedRobot
     from hil.results.judgement import Rule
     from hil.runs.recording_file import Measured
 
 UNLIKE = "friction that differs by direction"
 
 
-def error_budget(estimate: Estimate, robot: Robot) -> tuple[ErrorTerm, ...]:
+def error_budget(estimate: Estimate) -> tuple[ErrorTerm, ...]:
     """Return the significant causes of error, the largest first.
 
     Empty if noise explains the whole error, and for methods that test no causes.
     """
     if estimate.joint is None:
         return ()
-    free = FreeTorques(robot)
-    rms = free.rms(estimate.p)
+    robot, free = estimate.robot, FreeTorques(estimate.robot)
+    rms = free.rms(estimate.values)
 
     def relative(torques: Array) -> float:
         return float(np.mean(torques[rms > 0] / rms[rms > 0]))
@@ -73,22 +74,22 @@ def error_budget(estimate: Estimate, robot: Robot) -> tuple[ErrorTerm, ...]:
     def scatter(covariance: Array) -> float:
         return relative(free.standard_error(covariance))
 
-    every = list(effects(robot, estimate.joint, estimate.local, estimate.covariance))
+    every = list(effects(robot, estimate.joint, estimate.local, estimate.scatter_covariance))
     explained = [scatter(each.covariance) for each in every]
     torques = [
         float(np.hypot(relative(free.rms(each.change)), own))
         for each, own in zip(every, explained, strict=True)
     ]
     square = sum(own**2 for own in explained)
-    rest = float(np.sqrt(max(0.0, scatter(estimate.covariance) ** 2 - square)))
+    rest = float(np.sqrt(max(0.0, scatter(estimate.scatter_covariance) ** 2 - square)))
     if rest > NOTABLE and rest**2 > square:
-        n, none = len(estimate.p), np.zeros_like(estimate.p)
+        n, none = len(estimate.values), np.zeros_like(estimate.values)
         # weak excitation if white noise explains more than a quarter of the scatter: varying
         # friction scatters torques up to four times as much as white noise of equal size
         weak = scatter(estimate.joint.solver.noise_covariance[:n, :n]) > 0.25 * rest
         cause = "weak excitation" if weak else "measurements that disagree"
         detail = f"torques are uncertain by {100 * rest:.2g} %"
-        every.append(Effect(cause, (), detail, none, estimate.covariance))
+        every.append(Effect(cause, (), detail, none, estimate.scatter_covariance))
         torques.append(rest)
         rest = 0.0
     total = rest**2 + sum(torque**2 for torque in torques)
@@ -134,20 +135,16 @@ class CampaignResult(NamedTuple):
 
     Attributes
     ----------
-    estimate : Estimate
+    model : Model
     effect : ndarray, shape (n_joints, n_base)
         Effect of the parameters' errors on the torques of a free motion (`effect_of_errors`).
-    budget : sequence of ErrorTerm
-    robot : Robot
     plan : Plan
     measured : sequence of Measured
         Finished measurements of the plan.
     """
 
-    estimate: Estimate
+    model: IdentifiedRobot
     effect: Array
-    budget: Sequence[ErrorTerm]
-    robot: Robot
     plan: Plan
     measured: Sequence[Measured]
 
@@ -167,7 +164,7 @@ def _measured(campaign: CampaignResult) -> Iterator[Reservation]:
     if missing:
         what = f"{len(missing)} of {len(planned)} planned measurements are missing"
         yield doubtful(what, "finish the run with hil run … --resume", _listed(missing))
-    for left in campaign.estimate.left_out:
+    for left in campaign.model.left_out:
         yield doubtful(f"left out: {left.reason}", resume, left.id)
     for measured in (m for m in campaign.measured if m.findings):
         findings = "; ".join(finding.message for finding in measured.findings)
@@ -180,7 +177,7 @@ def _measured(campaign: CampaignResult) -> Iterator[Reservation]:
 
 def _causes(campaign: CampaignResult) -> Iterator[Reservation]:
     """Yield causes of error, the largest first; causes taken into account are notes."""
-    for term in campaign.budget:
+    for term in campaign.model.error_budget:
         share = f"{100 * term.share:.0f} % of the error"
         what = f"{term.cause}: {term.found}; {'if ignored, ' if term.accounted else ''}{share}"
         subject = _axes(term.axes) if term.axes else "all axes"
@@ -207,7 +204,7 @@ def _timing(campaign: CampaignResult) -> Iterator[Reservation]:
 
 def _outliers(campaign: CampaignResult) -> Iterator[Reservation]:
     """Yield outliers: measurements with an unusually large residual for their kind and axis."""
-    local = campaign.estimate.local
+    local = campaign.model.local
     for kind, axis, partner in sorted({(v.kind, v.axis, v.partner) for v in local}):
         alike = [v for v in local if (v.kind, v.axis, v.partner) == (kind, axis, partner)]
         usual = float(np.median([v.residual for v in alike]))
@@ -215,7 +212,7 @@ def _outliers(campaign: CampaignResult) -> Iterator[Reservation]:
         # campaign of benchmarks/golden.py, without any fault, the largest ratio is 2.8
         for value in (v for v in alike if v.residual > 4.0 * usual > 0):
             yield doubtful(
-                f"residual {value.residual:.2g} {campaign.robot.torque_unit(axis)}, "
+                f"residual {value.residual:.2g} {campaign.model.robot.torque_unit(axis)}, "
                 f"{value.residual / usual:.0f} times the usual residual of {kind} measurements "
                 f"of axis {axis + 1}",
                 "look for a cause (contact, saturation, a cable), move the recording to another "
@@ -226,7 +223,7 @@ def _outliers(campaign: CampaignResult) -> Iterator[Reservation]:
 
 def _misfit(campaign: CampaignResult) -> Reservation | None:
     """Return a doubt about axes with residuals of local models beyond the noise."""
-    share = np.nan_to_num(campaign.estimate.residual / campaign.robot.torque_limit)
+    share = np.nan_to_num(campaign.model.residual / campaign.model.robot.torque_limit)
     axes = np.flatnonzero(share > NOTABLE)
     if not axes.size:
         return None
@@ -241,7 +238,7 @@ def _misfit(campaign: CampaignResult) -> Reservation | None:
 
 
 def _groups(campaign: CampaignResult) -> Iterator[Reservation]:
-    base, estimate = base_parameters(campaign.robot), campaign.estimate
+    base, estimate = base_parameters(campaign.model.robot), campaign.model
     for kind, row in ELEMENT_KINDS.items():
         members = [k for k in base.groups[row.group] if not base.dependencies.hidden[k]]
         names = ", ".join(base.titles[k] for k in members)
@@ -258,15 +255,15 @@ def _groups(campaign: CampaignResult) -> Iterator[Reservation]:
 
 
 def _parameters(campaign: CampaignResult) -> Iterator[Reservation]:
-    base, effect = base_parameters(campaign.robot), campaign.effect
-    errors = campaign.estimate.standard_error
+    base, effect = base_parameters(campaign.model.robot), campaign.effect
+    errors = campaign.model.standard_errors
     for k, name in enumerate(base.titles):
         joint = int(np.argmax(effect[:, k]))
         if effect[joint, k] > NOTABLE:
             yield doubtful(
                 f"its standard error, {errors[k]:.2g} {unit(base.units[k])}, is"
                 f" {100 * effect[joint, k]:.2g} % of the torque of joint {joint + 1}",
-                _best_measurement(campaign.robot, campaign.plan, k),
+                _best_measurement(campaign.model.robot, campaign.plan, k),
                 name,
             )
 
@@ -293,7 +290,7 @@ def _best_measurement(robot: Robot, plan: Plan, k: int) -> str:
 
 
 def _correlations(campaign: CampaignResult) -> Iterator[Reservation]:
-    titles, found = base_parameters(campaign.robot).titles, campaign.estimate.correlation
+    titles, found = base_parameters(campaign.model.robot).titles, campaign.model.correlation
     # at a correlation of 0.9 the standard error of a parameter is 1 / sqrt(1 - 0.9^2) = 2.3 times
     # its standard error if the other parameter is known
     for i, j in np.argwhere(np.triu(np.abs(found) > 0.9, 1)):
@@ -308,8 +305,8 @@ def _correlations(campaign: CampaignResult) -> Iterator[Reservation]:
 
 def _drives(campaign: CampaignResult) -> Reservation | None:
     stated = {
-        "torque constants": campaign.robot.torque_constant_uncertainty,
-        "rotor inertias": campaign.robot.rotor_inertia_uncertainty,
+        "torque constants": campaign.model.robot.torque_constant_uncertainty,
+        "rotor inertias": campaign.model.robot.rotor_inertia_uncertainty,
     }
     exact = [what for what, uncertainty in stated.items() if not uncertainty.any()]
     if not exact:
@@ -324,9 +321,9 @@ def _drives(campaign: CampaignResult) -> Reservation | None:
 
 def _offsets(campaign: CampaignResult) -> Reservation | None:
     """Return a note on direction-dependent friction, unless already in the error budget."""
-    if any(term.cause == UNLIKE for term in campaign.budget):
+    if any(term.cause == UNLIKE for term in campaign.model.error_budget):
         return None
-    tests = judge_local_values(campaign.estimate.local).items()
+    tests = judge_local_values(campaign.model.local).items()
     found = {f"axis {axis + 1}": t.asymmetry for axis, t in tests if t.p_zero < SIGNIFICANT}
     if not found:
         return None

@@ -166,17 +166,13 @@ def _motions(
         counts &= used[nearest][:, np.newaxis]
         long = np.diff(own, append=own[-1]) > max(COARSE / BAND, LONGER * period)
         lost = long[np.searchsorted(own, even[::every], side="right") - 1]
-        counts &= ~widen(lost, round(1.0 / (BAND * every * period)))[:, np.newaxis]
-        limit = model.robot.velocity_limit[axes]
-        rests = _resting(motions[0][1][:, axes], limit, every * period)
+        # a period of the cut-off, in samples
+        reach = round(1.0 / (BAND * every * period))
+        counts &= ~widen(lost, reach)[:, np.newaxis]
+        speed, limit = np.abs(motions[0][1][:, axes]), model.robot.velocity_limit[axes]
+        slow = speed < SLOW * np.where(np.isnan(limit), speed.max(axis=0), limit)
+        rests = np.column_stack([widen(_long_runs(each, reach), reach) for each in slow.T])
         yield _Samples(filtered, tau[::every], narrow, smoothed, counts, rests)
-
-
-def _resting(qd: Array, limit: Array, period: float) -> Mask:
-    """Return a mask of samples at rest, extended at both ends by a period of the cut-off."""
-    speed, reach = np.abs(qd), round(1.0 / (BAND * period))
-    slow = speed < SLOW * np.where(np.isnan(limit), speed.max(axis=0), limit)
-    return np.column_stack([widen(_long_runs(each, reach), reach) for each in slow.T])
 
 
 def _long_runs(mask: Mask, least: int) -> Mask:

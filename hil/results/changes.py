@@ -264,7 +264,7 @@ class Rescaled(NamedTuple):
 
 
 def rescaled(model: IdentifiedRobot, tests: Sequence[Change]) -> Rescaled | None:
-    """Return the torque factor of one axis that explains all marked changes between two runs.
+    """Return the torque factor of an axis that explains all marked changes between two runs.
 
     Parameters
     ----------

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from itertools import islice
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -63,13 +62,28 @@ def find_consistent_robot(
 
 
 def _torque_costs(
-    model: Model, found: ConsistentRobot, recorded: Recorded
+    model: Model, found: ConsistentRobot, recorded: Recorded, runs: int = 100, most: int = 200
 ) -> tuple[TorqueCost, ...]:
+    """Return costs over up to `runs` recordings of about `most` samples, enough for an rms."""
     n, products = 0, 0.0
-    for q, qd, qdd in islice(_motions(model, recorded), 100):
-        A = regressor(model.robot, q, qd, qdd)
+    for motion, recording in recorded:
+        try:
+            if isinstance(motion, FreeMotion):
+                filtered = filtered_motion(recording, processing_of(model))
+                q, qd, qdd = filtered.q, filtered.qd, filtered.qdd
+            else:
+                s = signals(recording)
+                q, qd, qdd = (s.smoothed(x)[s.valid] for x in (s.q, s.qd, s.qdd))
+        except NotEnoughData:
+            continue
+        if not len(q):
+            continue
+        some = slice(None, None, max(1, len(q) // most))
+        A = regressor(model.robot, q[some], qd[some], qdd[some])
         products = products + np.einsum("nji,njk->jik", A, A, optimize=True)
-        n += len(A)
+        n, runs = n + len(A), runs - 1
+        if not runs:
+            break
     if not n:
         return ()
     change = found.p - model.values
@@ -82,25 +96,6 @@ def _torque_costs(
         )
         for G in squares
     )
-
-
-def _motions(
-    model: Model, recorded: Recorded, most: int = 200
-) -> Iterator[tuple[Array, Array, Array]]:
-    """Yield motions of recordings, thinned to about `most` samples, enough for an rms."""
-    for motion, recording in recorded:
-        try:
-            if isinstance(motion, FreeMotion):
-                filtered = filtered_motion(recording, processing_of(model))
-                q, qd, qdd = filtered.q, filtered.qd, filtered.qdd
-            else:
-                s = signals(recording)
-                q, qd, qdd = (s.smoothed(x)[s.valid] for x in (s.q, s.qd, s.qdd))
-        except NotEnoughData:
-            continue
-        some = slice(None, None, max(1, len(q) // most))
-        if len(q):
-            yield q[some], qd[some], qdd[some]
 
 
 def _root(square: float) -> float:

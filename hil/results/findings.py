@@ -42,12 +42,10 @@ if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from hil.arrays import Array
-    from hil.estimation.estimate import Estimate
     from hil.estimation.options import Options
     from hil.friction.drift import Drift
     from hil.model.robot import Robot
     from hil.planning.measurement import RecordedMotion
-    from hil.results.identification import ModelFit
     from hil.results.judgement import Reservation
     from hil.results.model import Model
     from hil.runs.recording import Recording
@@ -69,9 +67,8 @@ class Findings(NamedTuple):
 
     Attributes
     ----------
-    estimate : Estimate
     model : Model
-        Model of `hil identify`.
+        Model of `hil identify`, with the data of its estimation.
     check : Model or None
         Model by the published method, for comparison with the improved one; None if the
         measurements lack elements of some group.
@@ -84,7 +81,6 @@ class Findings(NamedTuple):
         Time constants of friction, for axes with enough levels over time.
     """
 
-    estimate: Estimate
     model: Model
     check: Model | None = None
     effect: Array | None = None
@@ -135,14 +131,13 @@ def identify_and_keep(
     from hil.results.identification import identified  # noqa: PLC0415
 
     if (others and method != JOINT) or options.prior is not None:
-        made = identified(run, method, others, options=options)
-        return Findings(made.estimate, made.model)
+        return Findings(identified(run, method, others, options=options).model)
     alone = run.imported and not others  # only a model: its large file is not read here
     if campaign is None:
         campaign = () if alone else tuple(run)
     recordings = tuple(recorded(campaign))
     made = identified(run, method, others, None if alone or others else recordings)
-    found = follow_from(run, made, campaign, recordings)
+    found = follow_from(run, made.model, campaign, recordings)
     with suppress(FileError):  # in a read-only folder the findings are valid but not cached
         keep(run, found, others)
     return found
@@ -150,11 +145,11 @@ def identify_and_keep(
 
 def follow_from(
     run: Run,
-    found: ModelFit,
+    model: Model,
     campaign: Sequence[Measured],
     recordings: Sequence[tuple[RecordedMotion, Recording]],
 ) -> Findings:
-    """Derive all findings from an estimate."""
+    """Derive all findings from a model."""
     from hil.estimation.friction.points import history  # noqa: PLC0415 - as above
     from hil.estimation.two_step_methods import fit_published  # noqa: PLC0415
     from hil.friction.drift import Level, drift  # noqa: PLC0415
@@ -162,23 +157,23 @@ def follow_from(
     from hil.results.identification import model_of  # noqa: PLC0415
     from hil.results.prediction import effect_of_errors  # noqa: PLC0415
 
-    robot, estimate, model, check = run.robot, found.estimate, found.model, None
+    robot, check = run.robot, None
     if not isinstance(model.details, MeasurementFit):
-        return Findings(estimate, model)
+        return Findings(model)
     if model.method == "improved":
         with suppress(NotIdentifiable, NotEnoughData):
             check = model_of(run, fit_published(robot, recordings))
-    effect = effect_of_errors(estimate, robot)
-    past, local = history(robot, recordings), [each for each in estimate.local if each.friction > 0]
+    effect = effect_of_errors(model)
+    past, local = history(robot, recordings), [each for each in model.local if each.friction > 0]
     levels = (
         (axis, [Level(v.time, v.friction, v.kind) for v in local if v.axis == axis])
         for axis in range(robot.n_joints)
     )
     drifts = tuple(filter(None, (drift(axis, own, past) for axis, own in levels)))
     if run.imported:
-        return Findings(estimate, model, check, effect, drifts=drifts)
-    of = CampaignResult(estimate, effect, model.error_budget, robot, run.planned, campaign)
-    return Findings(estimate, model, check, effect, advice(of), drifts)
+        return Findings(model, check, effect, drifts=drifts)
+    said = advice(CampaignResult(model, effect, run.planned, campaign))
+    return Findings(model, check, effect, said, drifts)
 
 
 def keep(run: Run, found: Findings, others: Sequence[Run] = ()) -> None:

@@ -9,10 +9,13 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import TYPE_CHECKING
 
+import numpy as np
+
 from hil.errors import InvalidArray, NotEnoughData, NotIdentifiable
 from hil.estimation.campaign_friction import campaign_friction
 from hil.estimation.condensed import stack
 from hil.estimation.drive_train import find_drive_train
+from hil.estimation.estimate import covariance_of_drives
 from hil.estimation.excluded.proof import proved
 from hil.estimation.friction.points import history
 from hil.estimation.identify import default_method, estimate
@@ -60,10 +63,8 @@ class ModelFit(ByName):
 
     Attributes
     ----------
-    estimate : Estimate
-        Base parameters with their errors, and the data of the estimation.
     model : Model
-        Model of the estimate, with its judgement.
+        Base parameters with their errors, the data of the estimation, and its judgement.
 
     Examples
     --------
@@ -73,34 +74,40 @@ class ModelFit(ByName):
     True
     """
 
-    estimate: Estimate
     model: Model
+
+    @property
+    def estimate(self) -> Model:
+        """Name of `model` for its data of the estimation, until version 0.3."""
+        return self.model
 
     @cached_property
     def _found(self) -> dict[str, tuple[float, float]]:
         """Value and standard error by name."""
-        estimate, model = self.estimate, self.model
-        rows = zip(model.names, estimate.p, estimate.standard_error, strict=True)
+        model = self.model
+        # also of parameters that are not identified
+        errors = np.sqrt(np.diag(model.covariance))
+        rows = zip(model.names, model.values, errors, strict=True)
         found = {name: (float(value), float(error)) for name, value, error in rows}
         for axis, law in enumerate(model.friction_law.axes, start=1):
             for term, each in (law.terms if law else {}).items():
                 found[f"axis {axis} {term}"] = each.value, each.standard_error
-        if (train := estimate.drive_train) is not None:
+        if (train := model.drive_train) is not None:
             for axis in range(len(train.lag)):
                 found[f"axis {axis + 1} lag"] = float(train.lag[axis]), float(train.lag_error[axis])
                 if train.soft[axis]:
                     pair = train.compliance[axis], train.compliance_error[axis]
                     found[f"axis {axis + 1} compliance"] = float(pair[0]), float(pair[1])
-        for axis, lag in enumerate(estimate.details.lag, start=1):
+        for axis, lag in enumerate(model.details.lag, start=1):
             found[f"axis {axis} lag"] = lag.value, lag.standard_error
-        for axis, soft in estimate.details.compliance.items():
+        for axis, soft in model.details.compliance.items():
             found[f"axis {axis} compliance"] = soft.value, soft.standard_error
-        for gain in (*estimate.gains, *estimate.details.gains):
+        for gain in (*model.gains, *model.details.gains):
             found[f"axis {gain.axis} gain"] = gain.value, gain.standard_error
         return found
 
     def _half_widths(self, level: float) -> dict[str, float]:
-        return dict(zip(self.model.names, self.estimate.half_width(level).tolist(), strict=True))
+        return dict(zip(self.model.names, self.model.half_width(level).tolist(), strict=True))
 
     def summary(self) -> Outcome:
         """Return tables of the identified values, for a terminal or a notebook."""
@@ -242,13 +249,9 @@ def identified(
         if run.robot.limits_known:
             past = history(robot, prepared)
         stacks = (axes for motion, s in prepared for axes in stack(robot, motion, s))
-        found = replace(found, friction_law=campaign_friction(robot, found.p, stacks, past))
-    proof = proved(run.robot, campaign, found.p, found.drive_train, found.joint)
-    if proof is not None:
-        found = replace(found, shifts=proof.shifts)
-    model = model_of(run, found, others, proof, options, campaign)
-    # the joint fit holds all samples and is no longer needed
-    return ModelFit(replace(found, joint=None), model)
+        found = replace(found, friction_law=campaign_friction(robot, found.values, stacks, past))
+    proof = proved(run.robot, campaign, found.values, found.drive_train, found.joint)
+    return ModelFit(model_of(run, found, others, proof, options, campaign))
 
 
 def method_for(run: Run, others: Sequence[Run] = ()) -> tuple[str, str]:
@@ -268,35 +271,28 @@ def model_of(
 
     Without `recorded`, the model states no residual over the fixed band.
     """
-    model = Model(
-        robot=run.robot,
-        values=found.p,
-        scatter_covariance=found.covariance,
-        drive_covariance=found.drive_covariance,
-        degrees_of_freedom=found.degrees_of_freedom,
-        residual=found.residual,
-        condition=found.condition,
-        provenance=_provenance(run, found, others),
-        local=found.local,
-        error_budget=error_budget(found, run.robot),
-        friction_law=found.friction_law,
-        details=found.details,
-        torque_effect=found.effect[:, : run.robot.n_joints],
-        excluded=proof,
-        edges=found.edges,
-    )
+    found = replace(found, robot=run.robot)  # without the limits that were only reached
+    if proof is not None:
+        total = covariance_of_drives(run.robot, found.effect, proof.shifts)
+        found = replace(found, drive_covariance=total)
+    prior = None
     if options.prior is not None and found.prior_share is not None:
-        model = replace(model, prior=options.prior.stated(model.names, found.prior_share))
-    return rejudged(model, found, recorded, options)
+        prior = options.prior.stated(found.names, found.prior_share)
+    model = Model(
+        # the joint fit holds all samples and is no longer needed
+        **vars(found) | {"joint": None},
+        provenance=_provenance(run, found, others),
+        error_budget=error_budget(found),
+        excluded=proof,
+        prior=prior,
+    )
+    return rejudged(model, recorded, options)
 
 
-def rejudged(
-    model: Model, found: Estimate, recorded: Recorded, options: Options = DEFAULTS
-) -> Model:
+def rejudged(model: Model, recorded: Recorded, options: Options = DEFAULTS) -> Model:
     """Return a model with the residual over the fixed band, and judged by this residual."""
     model = replace(model, band_residual=band_residual(model, recorded))
-    usual = found.effect * model.robot.usual_uncertainty
-    return replace(model, verdict=verdict(model, usual, options.accuracy))
+    return replace(model, verdict=verdict(model, options.accuracy))
 
 
 def _provenance(run: Run, found: Estimate, others: Sequence[Run]) -> Provenance:

@@ -14,22 +14,17 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from hil.errors import InvalidArray, Mismatch, NotEnoughData
-from hil.estimation.fit_details import NO_DETAILS, FitDetails
-from hil.estimation.intervals import half_width
+from hil.estimation.estimate import Estimate
 from hil.friction.law import friction_torque, friction_variance
-from hil.least_squares.regression import ByName
-from hil.least_squares.uncertainty import correlation_of
 from hil.model.base_parameters import base_parameters
 from hil.planning.measurement import FOR_A_LAW
 
 if TYPE_CHECKING:
     import pandas as pd
 
-    from hil.arrays import Array, Mask
+    from hil.arrays import Array
     from hil.estimation.consistent.result import ConsistentRobot
     from hil.estimation.excluded.result import ErrorTerm, Excluded
-    from hil.estimation.intervals import Edge
-    from hil.estimation.local_fits import LocalValue
     from hil.estimation.prior import FromPrior
     from hil.friction.law import FrictionLaw
     from hil.model.robot import Robot
@@ -39,57 +34,28 @@ if TYPE_CHECKING:
     from hil.results.residual import BandResidual
 
 
-@dataclass(frozen=True, eq=False, repr=False)
-class IdentifiedRobot(ByName):
-    """Robot with its identified values.
+@dataclass(frozen=True, eq=False, repr=False, kw_only=True)
+class IdentifiedRobot(Estimate):
+    """Estimate of a robot with its origin and judgement; further data are those of `Estimate`.
 
     Attributes
     ----------
-    robot : Robot
-    values : ndarray, shape (n_base,)
-        Base parameters [kg m^2, kg m or kg, as in `units`].
-    scatter_covariance, drive_covariance : ndarray, shape (n_base, n_base)
-        Covariance of errors visible in the data, and of invisible errors: torque constants and
-        rotor inertias with the uncertainty stated in the robot file, and causes found but not
-        corrected.
-    degrees_of_freedom : ndarray, shape (n_base,)
-        Effective degrees of freedom of the errors visible in the data.
-    residual : ndarray, shape (n_joints,)
-        Root mean square of each axis's residual torque, with the method's low-pass and friction fit
-        [N m or N]; NaN for an axis that was not measured.
-    condition : dict
-        Condition number of each group's observation matrix, or of all parameters' (``"all"``).
     provenance : Provenance
         Run, plan, method and version.
-    friction_law : FrictionLaw
-        Friction to be overcome by the drives, by any method; unknown for all axes in models from
-        files of versions without friction.
-    local : tuple of LocalValue
-        Single measurements with their friction, the input of two-step methods; empty for a
-        conventional method, and for a file of an earlier version.
     error_budget : tuple of ErrorTerm
         Causes of error, the largest first; empty if only noise matters.
-    details : FreeMotionFit, BackAndForthFit or MeasurementFit
-        Settings and further results, by the kind of recordings. Free motions have cut-off, lags,
-        gears and gains; strokes of single axes have friction curves over the speed, and
-        unidentified parameters.
     verdict : Judgement, optional
         Judgement of the identification; None for a model without one.
     validations : tuple of KeptJudgement
         Judgements of the model on other recordings.
     consistent : ConsistentRobot, optional
         Nearest physically consistent robot, and its torque error, if requested.
-    torque_effect : ndarray, shape (n_base, n_joints), optional
-        Change of `values` per relative change of each axis's torque, as caused by an error of the
-        torque constant; None if not computed by the method.
     excluded : Excluded, optional
         Causes of error found, excluded or invisible in the recordings; None for too few recordings,
         and for files of versions without these tests.
     prior : FromPrior, optional
         Parameters not identified by the recordings, and the prior that completes them; None without
         a prior.
-    edges : tuple of Edge
-        Lags and compliances at the edge of their search range.
     band_residual : BandResidual, optional
         Residual of `hil.results.model.Model.predict` on the recordings of its identification, over
         the band common to all models; None without known friction, and for a file of an earlier
@@ -105,25 +71,13 @@ class IdentifiedRobot(ByName):
     True
     """
 
-    robot: Robot
-    values: Array
-    scatter_covariance: Array
-    drive_covariance: Array
-    degrees_of_freedom: Array
-    residual: Array
-    condition: dict[str, float]
     provenance: Provenance
-    friction_law: FrictionLaw
-    local: tuple[LocalValue, ...] = ()
     error_budget: tuple[ErrorTerm, ...] = ()
-    details: FitDetails = NO_DETAILS
     verdict: Judgement | None = None
     validations: tuple[KeptJudgement, ...] = ()
     consistent: ConsistentRobot | None = None
-    torque_effect: Array | None = None
     excluded: Excluded | None = None
     prior: FromPrior | None = None
-    edges: tuple[Edge, ...] = ()
     band_residual: BandResidual | None = None
     refinement: Refinement | None = None
 
@@ -148,16 +102,6 @@ class IdentifiedRobot(ByName):
             )
 
     @property
-    def method(self) -> str:
-        """Name of the identification method."""
-        return self.provenance.method
-
-    @property
-    def names(self) -> tuple[str, ...]:
-        """Names of the base parameters, ``p1`` and on."""
-        return base_parameters(self.robot).names
-
-    @property
     def units(self) -> tuple[str, ...]:
         """Units of `values`."""
         return base_parameters(self.robot).units
@@ -168,25 +112,17 @@ class IdentifiedRobot(ByName):
         return base_parameters(self.robot).expressions
 
     @property
-    def covariance(self) -> Array:
-        """Total covariance of `values`, by visible and invisible errors, shape (n_base, n_base)."""
-        return self.scatter_covariance + self.drive_covariance
+    def torque_effect(self) -> Array | None:
+        """Change of `values` per relative change of each axis's torque, shape (n_base, n_joints).
 
-    @property
-    def identified(self) -> Mask:
-        """Which of `values` were identified, shape (n_base,); the others are zero."""
-        return np.array([name not in self.details.not_identified for name in self.names])
+        None if not computed by the method.
+        """
+        return self.effect[:, : self.robot.n_joints] if self.effect.size else None
 
     @property
     def axes_without_friction(self) -> tuple[int, ...]:
         """Axes, from 1, without known friction: predictions omit friction, intervals are NaN."""
         return self.friction_law.unknown
-
-    @property
-    def standard_errors(self) -> Array:
-        """Standard errors of `values`, shape (n_base,); NaN for unidentified parameters."""
-        errors: Array = np.where(self.identified, np.sqrt(np.diag(self.covariance)), np.nan)
-        return errors
 
     @property
     def digest(self) -> str:
@@ -204,23 +140,9 @@ class IdentifiedRobot(ByName):
         content = [self.robot.digest, numbers, self.friction_law.model_dump(mode="json")]
         return hashlib.sha256(json.dumps(content).encode()).hexdigest()
 
-    @property
-    def correlation(self) -> Array:
-        """Correlations of the errors of `values`, shape (n_base, n_base)."""
-        return correlation_of(self.covariance)
-
     def cov_params(self) -> Array:
         """Return `covariance`, under the name used by statsmodels."""
         return self.covariance
-
-    @property
-    def _found(self) -> dict[str, tuple[float, float]]:
-        pairs = zip(self.values.tolist(), self.standard_errors.tolist(), strict=True)
-        return dict(zip(self.names, pairs, strict=True))
-
-    def _half_widths(self, level: float) -> dict[str, float]:
-        half = (self.interval(level)[:, 1] - self.values).tolist()
-        return dict(zip(self.names, half, strict=True))
 
     def dataframe(self, level: float = 0.95) -> pd.DataFrame:
         """Return the parameters as a pandas table, indexed by name.
@@ -283,9 +205,7 @@ class IdentifiedRobot(ByName):
         InvalidArray
             The level is not between 0 and 1.
         """
-        scatter, drives = np.diag(self.scatter_covariance), np.diag(self.drive_covariance)
-        half = half_width(scatter, drives, self.degrees_of_freedom, checked_level(level))
-        half = np.where(self.identified, half, np.nan)
+        half = np.where(self.identified, self.half_width(checked_level(level)), np.nan)
         return np.stack([self.values - half, self.values + half], axis=-1)
 
 

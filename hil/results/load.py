@@ -111,7 +111,7 @@ class BareRun:
         torque = friction_torque(robot, found.friction_law, still, qd, still)
         highest = np.abs(torque).max(axis=0)
         friction = np.where(highest > 0, highest, 0.1 * robot.torque_limit)
-        return WithoutLoad(robot, run.planned, found.p, friction, noise, weight)
+        return WithoutLoad(robot, run.planned, found.values, friction, noise, weight)
 
 
 @dataclass(frozen=True, eq=False)
@@ -275,8 +275,8 @@ def estimated(*runs: Run, options: Options = DEFAULTS) -> Estimate:
     method = method_for(first, others)[0]
     if others or options != DEFAULTS:
         # options of a load may concern the runs of the other kind alone
-        return identified(first, method, others, options=restrict(method, options)).estimate
-    return found_in(first, method).estimate
+        return identified(first, method, others, options=restrict(method, options)).model
+    return found_in(first, method).model
 
 
 def require_load(found: Load, absent: float = 0.01) -> None:

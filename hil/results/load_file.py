@@ -186,7 +186,7 @@ def write_load(
         p_value=load.rigid.p_value,
         imported=loaded[-1].imported,
         changes=_changes(without.robot, load, before, after) if before and after else (),
-        own=() if own is None or own is after else tuple(own.p.tolist()),
+        own=() if own is None or own is after else tuple(own.values.tolist()),
         gains=_gains(found.by_mass, found.assumed) if found.by_mass else (),
         elements_without=_elements(before),
         elements_loaded=_elements(after),
@@ -202,15 +202,16 @@ def _changes(
     base, shares = base_parameters(robot), link_share(robot, robot.n_joints - 1)
     expected = load_columns(robot).K @ load.phi
     drives = after.drive_effect - before.drive_effect
-    variance = np.diag(before.covariance + after.covariance) + (drives**2).sum(axis=1)
+    scatter = before.scatter_covariance + after.scatter_covariance
+    variance = np.diag(scatter) + (drives**2).sum(axis=1)
     return tuple(
         ParameterChange(
             name=name,
             meaning=base.meanings[k],
             unit=base.units[k],
-            without=float(before.p[k]),
-            loaded=float(after.p[k]),
-            change=float(after.p[k] - before.p[k]),
+            without=float(before.values[k]),
+            loaded=float(after.values[k]),
+            change=float(after.values[k] - before.values[k]),
             standard_error=float(np.sqrt(variance[k])),
             expected=float(expected[k]),
             share=shares[k],

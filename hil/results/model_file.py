@@ -14,7 +14,7 @@ from math import isclose
 from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal
 
 import numpy as np
-from pydantic import AliasChoices, Field, model_validator
+from pydantic import AliasChoices, BeforeValidator, Field, model_validator
 
 from checked_files.yaml_file import FileError, FileModel, line_of, parse_yaml, read_text
 from checked_files.yaml_lines import write_lines
@@ -38,10 +38,21 @@ from hil.results.residual import BandResidual
 if TYPE_CHECKING:
     from pathlib import Path
 
-    from hil.arrays import Array
-
 
 NAME = "model.yaml"
+
+
+def _listed(value: Any) -> Any:
+    """Return an array as nested lists, with None in place of NaN."""
+    if not isinstance(value, np.ndarray):
+        return value
+    found = value.astype(object)
+    found[np.isnan(value)] = None
+    return found.tolist()
+
+
+Vector = Annotated[tuple[float, ...], BeforeValidator(_listed)]
+Matrix = Annotated[tuple[tuple[float, ...], ...], BeforeValidator(_listed)]
 
 
 class Parameter(FileModel):
@@ -64,39 +75,6 @@ class Parameter(FileModel):
         return degrees_behind(half / self.standard_error if self.standard_error else 0.0)
 
 
-class LocalRecord(FileModel):
-    """Single measurement (`hil.estimation.local_fits.LocalValue`); axes from 1."""
-
-    id: str
-    kind: str
-    axis: int
-    partner: int
-    q: tuple[float, ...]
-    time: float
-    value: float
-    model: float
-    standard_error: float | None
-    friction: float
-    residual: float
-
-    @classmethod
-    def create(cls, local: LocalValue) -> LocalRecord:
-        """Create the record of a measurement."""
-        error = float(local.standard_error)
-        return cls(
-            id=local.id, kind=local.kind, axis=local.axis + 1, partner=local.partner + 1,
-            q=tuple(local.q.tolist()), time=float(local.time), value=float(local.value),
-            model=float(local.model), standard_error=None if np.isnan(error) else error,
-            friction=float(local.friction), residual=float(local.residual),
-        )  # fmt: skip
-
-    def local(self) -> LocalValue:
-        """Return the measurement."""
-        error = np.nan if self.standard_error is None else self.standard_error
-        own = self.__dict__ | {"q": np.array(self.q), "standard_error": error}
-        return LocalValue(**own | {"axis": self.axis - 1, "partner": self.partner - 1})
-
-
 class ModelFile(FileModel):
     """Content of `model.yaml`; keys not listed here are fields of `IdentifiedRobot`.
 
@@ -114,18 +92,18 @@ class ModelFile(FileModel):
         `friction`.
     robot_file : str, optional
         The robot file, verbatim.
-    local : tuple of LocalRecord
-        Single measurements, with their friction over time; empty for imports and in files of
-        earlier versions.
+    local : tuple of LocalValue
+        Single measurements with their friction over time, axes from 1; empty for imports and in
+        files of earlier versions.
     """
 
     format: Literal[1] = 1
     provenance: Provenance
     parameters: tuple[Parameter, ...]
-    covariance: tuple[tuple[float, ...], ...]
-    drive_covariance: tuple[tuple[float, ...], ...] | None = None
-    degrees_of_freedom: tuple[float, ...] | None = None
-    residual: tuple[float | None, ...]
+    covariance: Matrix
+    drive_covariance: Matrix | None = None
+    degrees_of_freedom: Vector | None = None
+    residual: Annotated[tuple[float | None, ...], BeforeValidator(_listed)]
     condition: dict[str, float]
     error_budget: tuple[ErrorTerm, ...] = ()
     friction: FreeMotionFit | None = None
@@ -138,8 +116,8 @@ class ModelFile(FileModel):
     consistent: ConsistentRobot | None = None
     verbatim: ClassVar[frozenset[str]] = frozenset({"robot_file"})
     robot_file: str | None = None
-    local: tuple[LocalRecord, ...] = ()
-    torque_effect: tuple[tuple[float, ...], ...] | None = None
+    local: tuple[LocalValue, ...] = ()
+    torque_effect: Matrix | None = None
     excluded: Excluded | None = None
     prior: FromPrior | None = None
     edges: tuple[Edge, ...] = ()
@@ -184,14 +162,11 @@ class ModelFile(FileModel):
         details = model.details
         own: dict[str, Any] = {
             "parameters": parameters,
-            "covariance": _rows(model.covariance),
-            "drive_covariance": _rows(model.drive_covariance),
-            "degrees_of_freedom": tuple(model.degrees_of_freedom.tolist()),
-            "residual": tuple(None if np.isnan(r) else float(r) for r in model.residual),
+            "covariance": model.covariance,
+            "torque_effect": model.torque_effect,
             "friction_law": None if details.with_law else model.friction_law,
             "robot_file": model.robot.text,
-            "local": tuple(map(LocalRecord.create, model.local)),
-            "torque_effect": None if model.torque_effect is None else _rows(model.torque_effect),
+            "local": _counted(model.local, 1),
         }
         if details.file_key:
             own[details.file_key] = details
@@ -220,11 +195,13 @@ class ModelFile(FileModel):
                 if degrees is None
                 else degrees
             ),
-            "residual": np.array([np.nan if r is None else r for r in self.residual]),
-            "local": tuple(each.local() for each in self.local),
+            "residual": np.array(self.residual, dtype=float),
+            "local": _counted(self.local, -1),
             "friction_law": law or FrictionLaw.absent(robot.n_joints),
             "details": self.friction or self.back_and_forth or NO_DETAILS,
-            "torque_effect": None if self.torque_effect is None else np.array(self.torque_effect),
+            "effect": np.array(self.torque_effect or ((),)),
+            "method": self.provenance.method,
+            "n_measurements": self.provenance.measurements,
         }
 
     def _robot(self, path: Path) -> Robot:
@@ -243,7 +220,11 @@ class ModelFile(FileModel):
         """Return the content as YAML, with the robot file as a separate block."""
         absent = {name for name, value in self if value is None}
         absent |= {name for name in ("validations", "local") if not getattr(self, name)}
-        return write_lines(self.model_dump(mode="json", exclude=absent))
+        left_out: Any = dict.fromkeys(absent, True)
+        believed = {"believed", "believed_error"}
+        return write_lines(
+            self.model_dump(mode="json", exclude={"local": {"__all__": believed}} | left_out)
+        )
 
 
 @lru_cache(maxsize=1)
@@ -297,5 +278,9 @@ def _common(of: IdentifiedRobot | ModelFile) -> dict[str, Any]:
     return {name: getattr(of, name) for name in names}
 
 
-def _rows(matrix: Array) -> tuple[tuple[float, ...], ...]:
-    return tuple(tuple(row) for row in matrix.tolist())
+def _counted(local: tuple[LocalValue, ...], from_: int) -> tuple[LocalValue, ...]:
+    """Return values with axes that count from 1 more, or less, than before."""
+    return tuple(
+        each.model_copy(update={"axis": each.axis + from_, "partner": each.partner + from_})
+        for each in local
+    )

@@ -117,13 +117,13 @@ class FreeTorques:
         return share
 
 
-def effect_of_errors(estimate: Estimate, robot: Robot) -> Array:
+def effect_of_errors(found: Estimate) -> Array:
     """Return the torque of each base parameter's standard error, relative to the rigid-body torque.
 
     Shape (n_joints, n_base), as root mean squares on a free motion; 0 for an axis without torque.
     """
-    free = FreeTorques(robot)
-    effect: Array = free.relative(free.parameter_torques(estimate.standard_error).T, estimate.p).T
+    free = FreeTorques(found.robot)
+    effect: Array = free.relative(free.parameter_torques(found.standard_errors).T, found.values).T
     return np.nan_to_num(effect)
 
 

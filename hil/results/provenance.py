@@ -57,14 +57,18 @@ class Provenance(FileModel):
 
 
 class KeptResult(FileModel):
-    """Result of a command, kept in a folder under the first of `names`; others are earlier ones."""
+    """Result of a command, kept in a folder under the first of `names`; others are earlier ones.
+
+    Lines of the file have up to `width` characters.
+    """
 
     names: ClassVar[tuple[str, ...]]
+    width: ClassVar[int] = 100
 
     def write(self, folder: Path) -> Path:
         """Write the result into a folder, whole or not at all; return the path of the file."""
         path = folder / self.names[0]
-        write_file(path, self.encode_yaml(100))
+        write_file(path, self.encode_yaml(self.width))
         return path
 
     @classmethod

@@ -45,7 +45,7 @@ from hil.runs.pooling import Pooled
 from hil.runs.run import opened
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterable, Iterator, Sequence
+    from collections.abc import Callable, Iterable, Sequence
     from pathlib import Path
 
     from hil.arrays import Array
@@ -258,9 +258,21 @@ def judged(
     residual : BandResidual, optional
         Residual to be stated with the judgement.
     """
-    found = (*first, *_judge_axes(scores, n_joints), *last)
+    missing = [k for k in range(1, n_joints + 1) if k not in [s.axis for s in scores]]
+    own = [*reservations(RULES, scores)] if scores else [failed(*NO_SAMPLES)]
+    if scores and missing:
+        axes = ", ".join(map(str, missing))
+        own.append(doubtful(f"axes {axes} do not move in this recording"))
+    found = (*first, *own, *last)
     if not found:
-        found = (good(_praise(scores, residual)),)
+        shares, band = {each.axis: each.relative for each in scores}, ""
+        if residual is not None and np.isfinite(residual.relative_smoothed).any():
+            shown = enumerate(residual.relative_smoothed.tolist(), start=1)
+            shares = {axis: x for axis, x in shown if np.isfinite(x)}
+            band = f" up to {residual.band:g} Hz"
+        worst = max(shares, key=shares.__getitem__)
+        within = f"torque predicted within {100 * shares[worst]:.2g} % (rms{band})"
+        found = (good(f"{within}, worst axis {worst}"),)
     notes = [] if residual is None else [good(str(residual))]
     unlike: dict[str, list[int]] = defaultdict(list)
     for each in scores:
@@ -363,19 +375,12 @@ def _worst(size: Callable[[AxisScore], float], most: float) -> Callable[[Scores]
     return look
 
 
-def _judge_axes(scores: Scores, n_joints: int) -> Iterator[Reservation]:
-    """Yield the objections to the model; each rule names the worst axis."""
-    if not scores:
-        yield failed(
-            "no axis has enough usable samples in motion: away from reversals, faster than a few "
-            "percent of its speed limit and clear of both ends of the recording",
-            "record a longer or faster motion",
-        )
-        return
-    yield from reservations(RULES, scores)
-    missing = [k for k in range(1, n_joints + 1) if k not in [s.axis for s in scores]]
-    if missing:
-        yield doubtful(f"axes {', '.join(map(str, missing))} do not move in this recording")
+NO_SAMPLES = (
+    "no axis has enough usable samples in motion: away from reversals, faster than a few percent "
+    "of its speed limit and clear of both ends of the recording",
+    "record a longer or faster motion",
+)
+"""Reason and remedy if no axis has a score."""
 
 
 def _naive(scores: Scores) -> Reservation | None:
@@ -475,19 +480,6 @@ RULES: tuple[Rule[Scores], ...] = (
     ),
 )
 """Rules in order: faults of the recording come before errors of the parameters."""
-
-
-def _praise(scores: Scores, residual: BandResidual | None) -> str:
-    shares = {each.axis: each.relative for each in scores}
-    band = ""
-    if residual is not None and np.isfinite(residual.relative_smoothed).any():
-        shown = enumerate(residual.relative_smoothed.tolist(), start=1)
-        shares, band = (
-            {axis: x for axis, x in shown if np.isfinite(x)},
-            f" up to {residual.band:g} Hz",
-        )
-    worst = max(shares, key=shares.__getitem__)
-    return f"torque predicted within {100 * shares[worst]:.2g} % (rms{band}), worst axis {worst}"
 
 
 def score_own_recordings(model: Model, run: Run) -> Validation | None:

@@ -46,15 +46,11 @@ if TYPE_CHECKING:
     from hil.results.possible import Impossible
 
 
-def verdict(
-    model: Model, usual_effect: Array | None = None, accuracy: float = ACCURACY
-) -> Judgement:
+def verdict(model: Model, accuracy: float = ACCURACY) -> Judgement:
     """Judge a model alone: return the worst objection, found causes first.
 
     Parameters
     ----------
-    usual_effect : ndarray, shape (n_base, 2 n_joints), optional
-        Change of the parameters by usual tolerances of drives (see `Estimate`).
     accuracy : float
         Largest residual of a good model, as a share of the torque of a loaded axis.
     """
@@ -67,7 +63,7 @@ def verdict(
         *reservations(OF_MODELS, model),
     )  # fmt: skip
     doubts = *_first(model, doubts), *doubts
-    found = doubts or tuple(_good(model, usual_effect))
+    found = doubts or tuple(_good(model))
     remains = *(() if large else late), *(() if left is None else (good(str(left)),))
     return Judgement.judge((*found, *remains), lambda: found[0])
 
@@ -345,10 +341,10 @@ OF_MODELS: tuple[Rule[Model], ...] = (_unexcited, _impossible, _judge_edges, *OF
 
 EVERY = "torques of all axes"
 TOLERANCES = ("torque constant", "rotor inertia")
-"""Causes with a known effect on the parameters, in the order of `usual_effect`."""
+"""Causes with a known effect on the parameters, in the order of `Estimate.effect`."""
 
 
-def _good(model: Model, usual_effect: Array | None) -> Iterator[Reservation]:
+def _good(model: Model) -> Iterator[Reservation]:
     """Yield the accuracy of the torques, without and with invisible causes of usual size."""
     relative = uncertainty(model)
     if relative is None:
@@ -369,7 +365,7 @@ def _good(model: Model, usual_effect: Array | None) -> Iterator[Reservation]:
     conditions = ", ".join(said)
     yield good(
         f"not shown by recordings: {conditions}; with these usual tolerances the torque is "
-        f"predicted within {_within(_add_hidden(model, relative, hidden, usual_effect))}",
+        f"predicted within {_within(_add_hidden(model, relative, hidden))}",
         "state smaller uncertainties of torque constants and rotor inertias in the robot file, "
         "if known",
     )
@@ -392,20 +388,19 @@ def _hidden(model: Model, relative: Array) -> tuple[Limit, ...]:
     )
 
 
-def _add_hidden(
-    model: Model, relative: Array, hidden: Sequence[Limit], usual_effect: Array | None
-) -> Array:
+def _add_hidden(model: Model, relative: Array, hidden: Sequence[Limit]) -> Array:
     """Return the standard error of torques with usual tolerances of invisible causes, (n_joints,).
 
     Tolerances of torque constants and rotors count up to the detectable size. A bound of other
     causes is sqrt(3) standard deviations, as of a uniform distribution.
     """
-    square = relative**2
+    square, usual = relative**2, model.robot.usual_uncertainty
     carried: tuple[str, ...] = ()
-    if usual_effect is not None and model.excluded is not None:
+    # a model of a file lacks the effects of rotor inertias
+    if model.excluded is not None and model.effect.shape == (len(model.values), len(usual)):
         carried, axes = TOLERANCES, range(1, model.robot.n_joints + 1)
         unseen = [model.excluded.unseen(cause, axis) for cause in carried for axis in axes]
-        effect = usual_effect * np.array(unseen)
+        effect = model.effect * usual * np.array(unseen)
         square = np.asarray(uncertainty(model, effect @ effect.T)) ** 2
     for each in hidden:
         if each.cause not in carried:

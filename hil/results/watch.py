@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING
 
 from checked_files.yaml_file import FileModel, load_yaml
 from hil.errors import Mismatch, NotEnoughData
+from hil.results.provenance import KeptResult
 from hil.show.outcome import Verdict
 from hil.show.rounding import clock
 
@@ -114,7 +115,7 @@ def pushes(alarms: Sequence[Alarm], pause: float = 1.0) -> list[list[Alarm]]:
     return found
 
 
-class Watched(FileModel):
+class Watched(KeptResult):
     """Results of watching all axes.
 
     Attributes
@@ -129,6 +130,8 @@ class Watched(FileModel):
     alarms : tuple of Alarm
     """
 
+    names = (NAME,)
+    width = 80
     robot_digest: str
     plan_digest: str
     model: str

@@ -57,7 +57,7 @@ class Drawn:
 
 @dataclass(frozen=True, slots=True)
 class _Block:
-    """Columns drawn side by side, their widths, and the column below each row.
+    """Columns drawn side by side, with widths, and the column below each row.
 
     Attributes
     ----------

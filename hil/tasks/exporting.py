@@ -23,12 +23,10 @@ from hil.runs.pooling import pooled
 from hil.runs.run import Run
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterable, Iterator
+    from collections.abc import Callable, Iterator
 
     from hil.export.exported import Exported
     from hil.export.urdf_file import Given
-    from hil.planning.measurement import RecordedMotion
-    from hil.runs.recording import Recording
 
 
 def export(
@@ -136,7 +134,18 @@ def exported_model(
         A `watch` of another model.
     """
     if patch is not None:
-        _refuse_patch(model, to, urdf, patch)
+        root = XmlFile(patch).root.tag
+        kind = {"mujoco": "mjcf", "robot": "urdf"}.get(root, "no simulator's file")
+        if urdf is not None or kind != to:
+            raise InvalidValue(
+                f"{patch}: is {kind}, to be patched as {to}; a URDF is patched with --to urdf, an"
+                " MJCF with --to mjcf, both without --urdf"
+            )
+        if model.failed:
+            raise InvalidValue(
+                f"the model's identification {model.verdict}, which a patched file cannot state: "
+                "export without --patch"
+            )
         file = patched_file(patch, model.robot)
         model = find_near_bodies(model, file, bounds or BodyBounds())
         return model, write_patched(model, file)
@@ -151,24 +160,14 @@ def exported_model(
             found = found._replace(files=found.files | alarms)
         return model, found
     unused = () if given is None else tuple(_unused_inertials(given, model))
-    model = _add_bodies(model, source, given, bounds)
+    likely = None if given is None else bodies_of(given, model.robot)
+    if model.consistent is None or bounds is not None or likely is not None:
+        of = SHAPES if given is None or likely is None else f"the inertials of {given.path}"
+        folder = file_of(source).parent
+        own = pooled([Run.open(folder)]) if (folder / "run.json").exists() else ()
+        model = find_consistent_robot(model, own, bounds or BodyBounds(), likely, of)
     found = formatted(model, to, (*about, *unused), given)
     return model, found._replace(remarks=(*unused, *found.remarks))
-
-
-def _refuse_patch(model: Model, to: str, urdf: Path | None, patch: Path) -> None:
-    """Refuse a file that cannot be patched."""
-    kind = {"mujoco": "mjcf", "robot": "urdf"}.get(XmlFile(patch).root.tag, "no simulator's file")
-    if urdf is not None or kind != to:
-        raise InvalidValue(
-            f"{patch}: is {kind}, to be patched as {to}; a URDF is patched with --to urdf, an MJCF"
-            " with --to mjcf, both without --urdf"
-        )
-    if model.failed:
-        raise InvalidValue(
-            f"the model's identification {model.verdict}, which a patched file cannot state: "
-            "export without --patch"
-        )
 
 
 def _unused_inertials(given: Given, model: Model) -> Iterator[str]:
@@ -188,20 +187,3 @@ def exported_recordings(
     """Write the recordings of a run; errors as of `hil.export.formats.export_recordings`."""
     chain = () if urdf is None else given_urdf(urdf, run.robot).chain.joints
     return export_recordings(run, to, output, [joint.name for joint in chain], progress)
-
-
-def _add_bodies(
-    model: Model, source: Path, given: Given | None, bounds: BodyBounds | None
-) -> Model:
-    """Return the model with bodies, computed now unless the model has suitable bodies."""
-    likely = None if given is None else bodies_of(given, model.robot)
-    if model.consistent is not None and bounds is None and likely is None:
-        return model
-    of = SHAPES if given is None or likely is None else f"the inertials of {given.path}"
-    return find_consistent_robot(model, _recordings(source), bounds or BodyBounds(), likely, of)
-
-
-def _recordings(source: Path) -> Iterable[tuple[RecordedMotion, Recording]]:
-    """Return the recordings of the run in the model's folder; none without a run."""
-    folder = file_of(source).parent
-    return pooled([Run.open(folder)]) if (folder / "run.json").exists() else ()

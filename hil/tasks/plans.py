@@ -21,6 +21,7 @@ if TYPE_CHECKING:
     from hil.planning.plan import Plan
     from hil.planning.prediction.precision import Precision
     from hil.planning.workspace import Workspace
+    from hil.results.load import BareRun
     from hil.runs.run import Run
     from hil.show.table import Table
 
@@ -148,7 +149,7 @@ def _strokes(
     warm_up: float = 0.0,
     workspace: Workspace | None = None,
 ) -> Designed:
-    """Design strokes by counts or by minutes, from g(q) and M(q)."""
+    """Design strokes from g(q) and M(q): for earlier runs, by minutes, by counts, or for causes."""
     asked = {"gravity": gravity, "inertia": inertia, "coupling": coupling}
     counts = {kind: number for kind, number in asked.items() if number is not None}
     _refuse(
@@ -182,64 +183,48 @@ def _strokes(
         ),
     )
     if robot is None:
-        return _refined(now, refine, minutes or MINUTES)
-    if distinguish is not None:
-        return _distinguishing(now, robot, counts, distinguish, noise_from, warm_up, workspace)
-    if minutes is None:
-        from hil.planning.design.by_counts import design
+        from hil.planning.design.by_minutes import refine as refined
+        from hil.planning.prediction.precision import information, precision
+        from hil.tasks.robot_drives import experience_of
 
-        now("choosing measurements")
-        return Designed(design(robot, counts, warm_up, workspace), robot)
-    from hil.planning.design.by_minutes import design_within
+        now("reading earlier runs")
+        folders, (noise, known, _) = experience_of(refine)
+        first, robot, minutes = folders[0], folders[0].robot, minutes or MINUTES
+        taken = {measurement.id for folder in folders for measurement in folder.motions}
+        now(f"choosing the most informative measurements in {minutes:g} minutes")
+        plan = refined(robot, minutes, noise, known, first.planned, taken)
+        more = information(robot, plan.measurements, plan.sample_period, noise)
+        before, then = (precision(robot, each, noise.source) for each in (known, known + more))
+        return Designed(plan, robot, refinement=(before, then))
     from hil.tasks.robot_drives import expected_of
 
-    now(f"choosing the most informative measurements in {minutes:g} minutes")
-    noise = expected_of(robot, noise_from).noise
-    plan = design_within(
-        robot, minutes, noise, warm_up, workspace, with_trajectories=with_trajectories
-    )
-    return Designed(plan, robot)
+    if minutes is not None:
+        from hil.planning.design.by_minutes import design_within
 
-
-def _distinguishing(
-    now: Now,
-    robot: Robot,
-    counts: dict[str, int],
-    causes: str,
-    noise_from: Path | None,
-    warm_up: float,
-    workspace: Workspace | None,
-) -> Designed:
-    from hil.estimation.excluded.distinguishing import causes_named, distinguish
+        now(f"choosing the most informative measurements in {minutes:g} minutes")
+        noise = expected_of(robot, noise_from).noise
+        plan = design_within(
+            robot, minutes, noise, warm_up, workspace, with_trajectories=with_trajectories
+        )
+        return Designed(plan, robot)
     from hil.planning.design.by_counts import design
-    from hil.results.tables import excluded
-    from hil.tasks.robot_drives import expected_of
 
-    named = causes_named(robot, causes)
     now("choosing measurements")
+    named = None
+    if distinguish is not None:
+        from hil.estimation.excluded import distinguishing
+
+        named = distinguishing.causes_named(robot, distinguish)
     plan = design(robot, counts, warm_up, workspace)
+    if named is None:
+        return Designed(plan, robot)
+    from hil.results.tables import excluded
+
     now("choosing measurements that distinguish causes")
     expected = expected_of(robot, noise_from)
-    reached = distinguish(plan, robot, expected.noise, expected.p, named)
+    reached = distinguishing.distinguish(plan, robot, expected.noise, expected.p, named)
     table = excluded.distinguished(reached, expected.source)
     return Designed(reached.plan, robot, (table, *excluded.distinguishing(reached)))
-
-
-def _refined(now: Now, runs: Sequence[Path], minutes: float) -> Designed:
-    """Design measurements of the parameters shown least precisely by the runs."""
-    from hil.planning.design.by_minutes import refine
-    from hil.planning.prediction.precision import information, precision
-    from hil.tasks.robot_drives import experience_of
-
-    now("reading earlier runs")
-    folders, (noise, known, _) = experience_of(runs)
-    first, robot = folders[0], folders[0].robot
-    taken = {measurement.id for folder in folders for measurement in folder.motions}
-    now(f"choosing the most informative measurements in {minutes:g} minutes")
-    plan = refine(robot, minutes, noise, known, first.planned, taken)
-    more = information(robot, plan.measurements, plan.sample_period, noise)
-    before, then = (precision(robot, each, noise.source) for each in (known, known + more))
-    return Designed(plan, robot, refinement=(before, then))
 
 
 def _friction(
@@ -303,7 +288,7 @@ def _trajectory(
 
 def _load(
     now: Now,
-    model: Run | None = None,
+    model: Run | BareRun | None = None,
     minutes: float = 3.0,
     at_most: float | None = None,
     pose: tuple[tuple[int, float], ...] = (),
@@ -324,20 +309,20 @@ def _load(
         ),
     )
     now("reading the run without the load")
-    bare = BareRun(model)
+    bare = model if isinstance(model, BareRun) else BareRun(model)
     known = bare.known
     if refine:
         now("estimating the load and choosing faster measurements")
         slow = Run.open(refine[0])
         found = estimate_load(bare, [slow])
-        return Designed(fast_plan(known, minutes, slow.planned, found, pose), model.robot)
+        return Designed(fast_plan(known, minutes, slow.planned, found, pose), known.robot)
     now("choosing slow measurements")
     plan = slow_plan(known, minutes, at_most, pose)
     held = (
         f"all axes hold a load of {load_capacity(known, plan):.3g} kg in these poses, with its "
         f"centre of mass up to {REACH:g} m from the last frame"
     )
-    return Designed(plan, model.robot, (held,))
+    return Designed(plan, known.robot, (held,))
 
 
 def _required(robot: Robot | None) -> Robot:

@@ -48,7 +48,7 @@ def trajectory(robot: Robot) -> Trajectory:
 
 
 def error(robot: Robot, found: Any) -> float:
-    return float(np.linalg.norm(found.p - TABLE_3_A) / np.linalg.norm(TABLE_3_A))
+    return float(np.linalg.norm(found.values - TABLE_3_A) / np.linalg.norm(TABLE_3_A))
 
 
 @pytest.mark.parametrize("name", VARIANTS)
@@ -65,7 +65,7 @@ def test_with_noise_errors_are_of_the_stated_size(
     robot: Robot, trajectory: Trajectory, name: str
 ) -> None:
     found = fit_trajectories(robot, recorded(robot, trajectory, noise=0.02), VARIANTS[name])
-    z = (found.p - TABLE_3_A) / found.standard_error
+    z = (found.values - TABLE_3_A) / found.standard_errors
     assert error(robot, found) < 0.02
     assert np.sqrt(np.mean(z**2)) < 4.0
 
@@ -148,8 +148,8 @@ def test_its_iteration_settles_well_before_it_must_end(
     monkeypatch.setattr(variants, "ROUNDS", 30)
     monkeypatch.setattr(variants, "SETTLED", 0.0)
     late = fit_trajectories(robot, data, VARIANTS["strongest"])
-    assert (soon.p == settled.p).all()
-    assert (np.abs(settled.p - late.p) < 0.01 * late.standard_error).all()
+    assert (soon.values == settled.values).all()
+    assert (np.abs(settled.values - late.values) < 0.01 * late.standard_errors).all()
 
 
 def test_without_friction_of_the_load_its_column_finds_none(
@@ -170,8 +170,8 @@ def test_without_its_column_a_method_knows_nothing_of_the_load(
     found = variants.estimate_of(robot, data, CUSTOMARY[name], name)
     loaded = replace(data, products=data.loaded(TABLE_3_A))
     again = variants.estimate_of(robot, loaded, CUSTOMARY[name], name)
-    assert (again.p == found.p).all()
-    assert (again.covariance == found.covariance).all()
+    assert (again.values == found.values).all()
+    assert (again.scatter_covariance == found.scatter_covariance).all()
 
 
 def test_one_variant_alone_keeps_low_speeds_and_stands_beside_its_fellow() -> None:

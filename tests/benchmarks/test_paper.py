@@ -82,7 +82,7 @@ def measured(manutec, tmp_path_factory):
         scenario = Scenario(name, plant | {"symmetric": True})
         cell = measure(tmp_path_factory.mktemp(name), manutec, "glance", scenario, name, 1)
         fits, _ = local_fits(manutec, prepare(recorded(Run.open(cell.run)))[0])
-        weights = 1 / manutec.torque_limit[[f.axis for f in fits]]
+        weights = 1 / manutec.torque_limit[[f.measurement.index for f in fits]]
         W = np.array([f.row[columns] for f in fits]) * weights[:, None]
         found.append(np.linalg.lstsq(W, weights * [f.sides[0] for f in fits])[0])
     return found[0], found[1] - found[0]

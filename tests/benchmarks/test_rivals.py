@@ -28,7 +28,7 @@ if TYPE_CHECKING:
 
 
 def distance(found: Estimate) -> float:
-    return float(np.linalg.norm(found.p - TRUTH) / np.linalg.norm(TRUTH))
+    return float(np.linalg.norm(found.values - TRUTH) / np.linalg.norm(TRUTH))
 
 
 @pytest.mark.parametrize("name", SOLVERS)
@@ -36,8 +36,8 @@ def test_solvers_for_free_motions_find_the_parameters_and_state_their_errors(nam
     found = RIVALS[name](arm(), recorded(arm(), TRUTH), DEFAULTS)
     assert found.method == name
     assert distance(found) < 1e-3
-    assert (np.abs(found.p - TRUTH) < 4 * found.standard_error).all()
-    assert (found.standard_error > 0).all()
+    assert (np.abs(found.values - TRUTH) < 4 * found.standard_errors).all()
+    assert (found.standard_errors > 0).all()
 
 
 def test_the_robust_method_bears_a_stretch_in_which_somebody_touched_the_arm() -> None:

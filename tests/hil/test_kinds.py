@@ -79,7 +79,7 @@ def test_a_further_kind_passes_dry_run_checks_and_estimate_by_its_entries_alone(
         assert check(recording, probe, manutec) == check(recording, m, manutec)
     found = estimate(manutec, recorded)
     assert {value.kind for value in found.local} == {"probe", "inertia", "coupling"}
-    assert found.p == pytest.approx(TABLE_3_A, rel=1e-2, abs=1e-2)
+    assert found.values == pytest.approx(TABLE_3_A, rel=1e-2, abs=1e-2)
 
 
 def test_every_group_of_base_parameters_is_served_and_ids_distinguish_kinds() -> None:

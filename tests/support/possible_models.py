@@ -40,9 +40,10 @@ def model_of(robot, p, error, *, friction=True):
         version="0",
     )  # fmt: skip
     return Model(
-        robot, p, np.diag(error**2), np.zeros((n, n)), np.full(n, 50.0),
-        np.full(robot.n_joints, 0.1), {"all": 1.0}, provenance,
-        _law(robot) if friction else FrictionLaw.absent(robot.n_joints),
+        robot=robot, method="improved", values=p, scatter_covariance=np.diag(error**2),
+        drive_covariance=np.zeros((n, n)), degrees_of_freedom=np.full(n, 50.0),
+        residual=np.full(robot.n_joints, 0.1), condition={"all": 1.0}, provenance=provenance,
+        friction_law=_law(robot) if friction else FrictionLaw.absent(robot.n_joints),
     )  # fmt: skip
 
 

@@ -30,6 +30,7 @@ def stated_model(
     n = len(base_parameters(robot))
     return Model(
         robot=robot,
+        method="improved",
         values=rng.uniform(-2.0, 2.0, n),
         scatter_covariance=1e-4 * np.eye(n),
         drive_covariance=np.zeros((n, n)),

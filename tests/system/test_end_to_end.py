@@ -17,7 +17,7 @@ from hil.cli import main
 from hil.estimation.consistent.conditions import sized_bodies
 from hil.estimation.excluded.foreseen import foreseen
 from hil.estimation.identify import estimate
-from hil.ground_truth.comparison import comparison
+from hil.ground_truth.comparison import Comparison
 from hil.ground_truth.true_parameters import find_plant, true_parameters
 from hil.planning.prediction.noise import stated_noise
 from hil.runs.pooling import recorded
@@ -57,7 +57,7 @@ def truth(robot):
 
 
 def judged(folder, robot, truth, method):
-    return comparison(estimate(robot, recorded(hil.Run.open(folder)), method), robot, truth)
+    return Comparison(estimate(robot, recorded(hil.Run.open(folder)), method), truth)
 
 
 def test_every_measurement_is_kept_with_its_units_and_no_finding(folder):

@@ -114,7 +114,7 @@ def test_the_same_campaign_gives_the_same_parameters_on_every_personality(
     name: str, campaign: Callable[[str], Recorded_], plain: Estimate, manutec: Robot
 ) -> None:
     found = estimate(manutec, campaign(name))
-    difference = predicted(manutec, found.p) - predicted(manutec, plain.p)
+    difference = predicted(manutec, found.values) - predicted(manutec, plain.values)
     assert np.all(np.abs(difference).max(axis=0) < counts())
 
 

@@ -16,7 +16,7 @@ import pytest
 import hil
 from hil.cli import main
 from hil.estimation.identify import estimate
-from hil.ground_truth.comparison import comparison
+from hil.ground_truth.comparison import Comparison
 from hil.ground_truth.true_parameters import true_parameters
 from hil.model.dynamics import inverse_dynamics
 from hil.model.robot import Robot
@@ -70,7 +70,7 @@ def campaign(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFa
 def test_the_parameters_of_the_twin_are_found(campaign: Path) -> None:
     run = hil.Run.open(campaign / "run")
     truth = true_parameters(run.robot, campaign / "twin" / "plant.yaml")
-    found = comparison(estimate(run.robot, recorded(run)), run.robot, truth)
+    found = Comparison(estimate(run.robot, recorded(run)), truth)
     assert found.mean_torque_error < 0.5e-2
     assert found.inside.sum() >= len(truth) - 1
 

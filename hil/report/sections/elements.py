@@ -42,7 +42,15 @@ def measured_and_modelled(run: ReportedRun) -> Section | None:
     """Create the section of measured elements, with a plot per kind."""
     kinds = {value.kind for value in run.estimate.local}
     plots = tuple(
-        _elements_plot(name, kind, run) for name, kind in ELEMENT_KINDS.items() if name in kinds
+        Plot(
+            name,
+            partial(measured_elements, run.local_values(name), kind, run.robot),
+            f"Measured and modelled {kind.elements} over configuration number, one panel per "
+            f"{'pair of axes' if kind.pair else 'axis'}, with their differences below.",
+            kind.caption,
+        )
+        for name, kind in ELEMENT_KINDS.items()
+        if name in kinds
     )
     if not plots:
         return None
@@ -50,23 +58,31 @@ def measured_and_modelled(run: ReportedRun) -> Section | None:
     return Section("Measured and modelled", "measured_and_modelled.html", {"note": note}, plots)
 
 
-def _elements_plot(name: str, kind: ElementKind, run: ReportedRun) -> Plot:
-    return Plot(
-        name,
-        partial(measured_elements, run.local_values(name), kind, run.robot),
-        f"Measured and modelled {kind.elements} over configuration number, one panel per "
-        f"{'pair of axes' if kind.pair else 'axis'}, with their differences below.",
-        kind.caption,
-    )
-
-
 def torques(run: ReportedRun) -> Section | None:
     """Create the section of residuals over measurements and angles."""
     if run.found.effect is None:
         return None
     kinds = {value.kind for value in run.estimate.local}
+    planned = {each.id: each for each in element_measurements(run.source.plan.measurements)}
+    every = Plot(
+        "residuals",
+        partial(residuals, run.estimate, planned),
+        "Residuals of all measurements as a share of torque limits.",
+        "Measured less modelled elements as torques (inertias times the acceleration they were"
+        " measured with), relative to the axis's limit, eq. (16).",
+    )
+    pattern = (
+        " (Fig. 7 for all pairs). A pattern over an angle shows an effect missing in the robot "
+        "file; hil diagnose tests for it."
+    )
     over_angles = (
-        _angles_plot(name, kind, run)
+        Plot(
+            f"{name}-angles",
+            partial(residuals_over_angles, run.local_values(name), run.robot, kind),
+            f"Residuals of the {kind.elements} over the position of each joint that varied.",
+            f"Residuals of the {kind.elements} against the position of every joint that varied"
+            + (pattern if kind.symbol == "g" else "."),
+        )
         for name, kind in ELEMENT_KINDS.items()
         if name in kinds and not kind.pair
     )
@@ -79,32 +95,7 @@ def torques(run: ReportedRun) -> Section | None:
                 run.model.band_residual, run.model.robot, "of these recordings"
             ),
         },
-        (_all(run), *over_angles) if kinds else (),
-    )
-
-
-def _all(run: ReportedRun) -> Plot:
-    planned = {each.id: each for each in element_measurements(run.source.plan.measurements)}
-    return Plot(
-        "residuals",
-        partial(residuals, run.estimate, run.robot, planned),
-        "Residuals of all measurements as a share of torque limits.",
-        "Measured less modelled elements as torques (inertias times the acceleration they were"
-        " measured with), relative to the axis's limit, eq. (16).",
-    )
-
-
-def _angles_plot(name: str, kind: ElementKind, run: ReportedRun) -> Plot:
-    of_gravity = (
-        " (Fig. 7 for all pairs). A pattern over an angle shows an effect missing in the robot "
-        "file; hil diagnose tests for it."
-    )
-    return Plot(
-        f"{name}-angles",
-        partial(residuals_over_angles, run.local_values(name), run.robot, kind),
-        f"Residuals of the {kind.elements} over the position of each joint that varied.",
-        f"Residuals of the {kind.elements} against the position of every joint that varied"
-        + (of_gravity if kind.symbol == "g" else "."),
+        (every, *over_angles) if kinds else (),
     )
 
 
@@ -145,9 +136,7 @@ def measured_elements(
         )
 
 
-def residuals(
-    estimate: Estimate, robot: Robot, planned: Mapping[str, ElementMeasurement]
-) -> Iterator[Panel]:
+def residuals(estimate: Estimate, planned: Mapping[str, ElementMeasurement]) -> Iterator[Panel]:
     """Draw the residual torque of every measurement.
 
     Parameters
@@ -159,7 +148,10 @@ def residuals(
     points = []
     for name, kind in ELEMENT_KINDS.items():
         values = [value for value in estimate.local if value.kind == name]
-        relative = [100 * _relative(value, robot, planned[value.id]) for value in values]
+        # relative to the axis's torque limit, eq. (16)
+        torques = [(v.shown[0] - v.model) * planned[v.id].torque_per_element for v in values]
+        limits = (float(estimate.robot.torque_limit[value.axis]) for value in values)
+        relative = [100 * (each / limit) for each, limit in zip(torques, limits, strict=True)]
         places, ids = [number[value.id] for value in values], [value.id for value in values]
         points.append(Points(places, relative, kind.marker, kind.colour, name, ids=ids, size=2.6))
     yield Panel(
@@ -170,9 +162,3 @@ def residuals(
         width=1000.0,
         height=220.0,
     )
-
-
-def _relative(value: LocalValue, robot: Robot, planned: ElementMeasurement) -> float:
-    """Compute the residual torque relative to the axis's limit, eq. (16)."""
-    torque = (value.shown[0] - value.model) * planned.torque_per_element
-    return float(torque / robot.torque_limit[value.axis])

@@ -39,17 +39,14 @@ from hil.show.section import Plot, Section
 from hil.view.along_motion import most_demanding
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Iterator, Sequence
+    from collections.abc import Callable, Iterable, Iterator, Sequence
 
-    from hil.arrays import Array
     from hil.commands.friction import FrictionResult
-    from hil.estimation.estimate import Estimate
     from hil.estimation.friction.points import FrictionPoint
     from hil.estimation.local_fits import LocalValue
     from hil.friction.drift import Drift
     from hil.friction.law import AxisLaw
     from hil.model.robot import Robot
-    from hil.planning.measurement import ElementKind
     from hil.report.reported_run import ReportedRun
     from hil.results.model import Model
     from hil.results.recorded_torque import PredictedTorque
@@ -69,61 +66,45 @@ STYLES = {
 
 def torque(run: ReportedRun) -> Section | None:
     """Create the section of torques over time and friction over speed."""
-    plots = (*_torque_plots(run), *_friction(run))
-    return Section("Torque", "torque.html", plots=plots, leads=True) if plots else None
-
-
-def _torque_plots(run: ReportedRun) -> Iterator[Plot]:
-    found = run.shown_torques if run.is_identified else None
-    if found is None or not found.stretches:
-        return
-    fitted = sorted({each.axis + 1 for each in found.stretches.values() if not each.own_friction})
-    beside = (
-        f" Friction of axis {', '.join(map(str, fitted))} (no law in the model) is fitted in the "
-        "recording."
-        if fitted
-        else ""
-    )
-    yield Plot(
-        "torque",
-        lambda: torque_chart(most_demanding(found.stretches), run.robot),
-        "Measured and predicted torque of every axis over time with its interval of 95 %, and their"
-        " difference below.",
-        f"Measured and predicted torque, low-passed; below, the residual. {found.words} Each "
-        "axis in a recording with large torques; no prediction close to standstill, where "
-        f"friction is not a function of velocity.{beside}",
-    )
-
-
-def _friction(run: ReportedRun) -> Iterator[Plot]:
+    plots: list[Plot] = []
     if not run.is_identified:
-        if run.friction is not None and run.friction.axes:
-            yield models_plot(run.friction)
-    elif curves := run.model.details.curves:
-        yield _law_plot(
-            partial(friction_curves, curves, run.robot),
+        plots += [models_plot(run.friction)] if run.friction and run.friction.axes else []
+        return Section("Torque", "torque.html", plots=tuple(plots), leads=True) if plots else None
+    model, found = run.model, run.shown_torques
+    if found.stretches:
+        axes = {each.axis + 1 for each in found.stretches.values() if not each.own_friction}
+        fitted = ", ".join(map(str, sorted(axes)))
+        beside = f" Friction of axis {fitted} (no law in the model) is fitted in the recording."
+        plots.append(Plot(
+            "torque",
+            lambda: torque_chart(most_demanding(found.stretches), run.robot),
+            "Measured and predicted torque of every axis over time with its interval of 95 %, and"
+            " their difference below.",
+            f"Measured and predicted torque, low-passed; below, the residual. {found.words} Each "
+            "axis in a recording with large torques; no prediction close to standstill, where "
+            f"friction is not a function of velocity.{beside if fitted else ''}",
+        ))  # fmt: skip
+    draw: Callable[[], Iterator[Panel]] | None = None
+    if curves := model.details.curves:
+        draw, words = partial(friction_curves, curves, run.robot), (
             "half-differences of forward and backward torque, less that of the rigid bodies, "
-            "with intervals of 95 %. Dashed: Coulomb and viscous friction alone.",
-        )
-    elif run.model.friction_law.known and run.shown_torques.stretches:
-        yield _law_plot(
-            lambda: draw_friction(
-                run.model,
-                run.shown_torques.stretches.values(),
-                linked=run.shown_torques is run.own_torques,
-            ),
+            "with intervals of 95 %. Dashed: Coulomb and viscous friction alone."
+        )  # fmt: skip
+    elif model.friction_law.known and found.stretches:
+        linked = found is run.own_torques
+        draw = partial(draw_friction, model, found.stretches.values(), linked=linked)
+        words = (
             "measured torque less that of rigid bodies and motors, and the friction law at no "
-            "load with its interval of 95 %, wander included.",
+            "load with its interval of 95 %, wander included."
         )
-
-
-def _law_plot(draw: object, words: str) -> Plot:
-    return Plot(
-        "friction-law",
-        draw,  # type: ignore[arg-type]
-        "Friction of every axis over its speed, measured and by the law of friction.",
-        f"Torque of friction over the speed: {words}",
-    )
+    if draw is not None:
+        plots.append(Plot(
+            "friction-law",
+            draw,
+            "Friction of every axis over its speed, measured and by the law of friction.",
+            f"Torque of friction over the speed: {words}",
+        ))  # fmt: skip
+    return Section("Torque", "torque.html", plots=tuple(plots), leads=True) if plots else None
 
 
 def draw_friction(
@@ -186,17 +167,6 @@ def _law(
     )  # fmt: skip
 
 
-def _characteristic(own: Sequence[FrictionPoint], colour: str, label: str) -> Iterator[Item]:
-    """Draw friction in both directions over velocity."""
-    v = np.array([point.velocity for point in own])
-    forward = np.array([point.forward for point in own])
-    backward = np.array([point.backward for point in own])
-    x, y = np.append(-v[::-1], v), np.append(backward[::-1], forward)
-    ids = [point.id for point in own]
-    yield Line(x, y, colour)
-    yield Points(x, y, "o", colour, label, ids=[*ids[::-1], *ids], size=2.0)
-
-
 def model_curves(result: FrictionResult) -> Iterator[Panel]:
     """Draw measured friction and fitted models of the axes: Fig. 1b."""
     for fit in result.axes:
@@ -225,30 +195,26 @@ def model_curves(result: FrictionResult) -> Iterator[Panel]:
 def draw_levels(drifts: Sequence[Drift]) -> Iterator[Panel]:
     """Draw friction levels over time with the fitted drift model: Fig. 2a."""
     for each in drifts:
+        minutes = np.array([level.time for level in each.levels]) / 60
+        measured = np.array([level.friction for level in each.levels])
+        groups = [level.group for level in each.levels]
+        items: list[Item] = []
+        for group in dict.fromkeys(groups):
+            own = np.array([g == group for g in groups])
+            base, t = measured[own].mean(), minutes[own]
+            # a gap where the pause exceeds three times the usual interval
+            pauses = np.diff(t, prepend=t[:1])
+            fitted = np.where(pauses > 3.0 * np.median(pauses), np.nan, each.fitted[own] / base)
+            items += (
+                Points(t, measured[own] / base, "o", label="measured", size=1.8),
+                Line(t, fitted, label="two states, three time constants"),
+            )
         yield Panel(
-            tuple(_levels_in_time(each)),
+            tuple(items),
             title=f"axis {each.axis + 1}",
             x_label="time [min]",
             y_label="friction / its mean",
         )
-
-
-def _levels_in_time(drift: Drift) -> Iterator[Item]:
-    minutes = np.array([level.time for level in drift.levels]) / 60
-    measured = np.array([level.friction for level in drift.levels])
-    groups = [level.group for level in drift.levels]
-    for group in dict.fromkeys(groups):
-        own = np.array([g == group for g in groups])
-        base = measured[own].mean()
-        yield Points(minutes[own], measured[own] / base, "o", label="measured", size=1.8)
-        yield Line(minutes[own], _insert_gaps(minutes[own], drift.fitted[own] / base),
-                   label="two states, three time constants")  # fmt: skip
-
-
-def _insert_gaps(minutes: Array, fitted: Array) -> Array:
-    """Insert gaps where the pause exceeds three times the usual interval."""
-    pauses = np.diff(minutes, prepend=minutes[:1])
-    return np.where(pauses > 3.0 * np.median(pauses), np.nan, fitted)
 
 
 def operation_curves(result: FrictionResult) -> Iterator[Panel]:
@@ -260,7 +226,15 @@ def operation_curves(result: FrictionResult) -> Iterator[Panel]:
         for curve, colour in zip(curves, ordered_colours(len(curves)), strict=True):
             own = sorted(curve, key=lambda p: p.velocity)
             after = f"after {(curve[0].time - begin) / 60:.0f} min of operation"
-            items += _characteristic(own, colour, after)
+            v = np.array([point.velocity for point in own])
+            forward = [point.forward for point in own]
+            backward = [point.backward for point in own]
+            x, y = np.append(-v[::-1], v), np.append(backward[::-1], forward)
+            ids = [point.id for point in own]
+            items += (
+                Line(x, y, colour),
+                Points(x, y, "o", colour, after, ids=[*ids[::-1], *ids], size=2.0),
+            )
         yield Panel(
             tuple(items),
             title=f"axis {axis + 1}",
@@ -290,8 +264,21 @@ def levels(local: Sequence[LocalValue], robot: Robot) -> Iterator[Panel]:
     """Draw the friction of the axes over a campaign, from step 1."""
     last = max((value.time for value in local), default=0.0) / 60
     for axis in sorted({value.axis for value in local}):
+        items = []
+        for name, kind in ELEMENT_KINDS.items():
+            own = [value for value in local if (value.axis, value.kind) == (axis, name)]
+            speed = "creep speed" if kind.pair else f"{REFERENCE_SPEED:.0%} of the speed limit"
+            items.append(Points(
+                [value.time / 60 for value in own],
+                [value.friction for value in own],
+                kind.marker,
+                kind.colour,
+                f"{kind.name}, at {speed}",
+                ids=[value.id for value in own],
+                size=2.6,
+            ))  # fmt: skip
         yield Panel(
-            tuple(_levels([value for value in local if value.axis == axis])),
+            tuple(items),
             title=f"axis {axis + 1}",
             x_label="robot time [min]",
             y_label=f"friction [{robot.torque_unit(axis)}]",
@@ -300,30 +287,21 @@ def levels(local: Sequence[LocalValue], robot: Robot) -> Iterator[Panel]:
         )
 
 
-def _levels(own: Sequence[LocalValue]) -> Iterator[Item]:
-    for name, kind in ELEMENT_KINDS.items():
-        chosen = [value for value in own if value.kind == name]
-        yield Points(
-            [value.time / 60 for value in chosen],
-            [value.friction for value in chosen],
-            kind.marker,
-            kind.colour,
-            _friction_label(kind),
-            ids=[value.id for value in chosen],
-            size=2.6,
-        )
-
-
-def _friction_label(kind: ElementKind) -> str:
-    speed = "creep speed" if kind.pair else f"{REFERENCE_SPEED:.0%} of the speed limit"
-    return f"{kind.name}, at {speed}"
-
-
 def friction_over_campaign(run: ReportedRun) -> Section | None:
     """Create the section of friction over a campaign: law, levels, drift and symmetry."""
     if run.found.effect is None:
         return None
     local = run.estimate.local
+    plot = Plot(
+        "friction",
+        partial(levels, local, run.robot),
+        "Friction level of every axis over robot time, one panel per axis, markers by kind of "
+        "measurement.",
+        "Friction level of each axis, found with each element in step 1. Levels of different "
+        "kinds come from different fits and may differ by a step; the course of one kind is "
+        f"drift by temperature and lubricant. {friction_change(local)} No effect on the "
+        "parameters: friction is fitted anew in every measurement.",
+    )
     return Section(
         "Friction over the campaign",
         "friction_over_campaign.html",
@@ -333,28 +311,15 @@ def friction_over_campaign(run: ReportedRun) -> Section | None:
             "drift": tables.drift(run.found.drifts),
             "symmetry": tables.symmetry(judge_local_values(local)),
         },
-        (_levels_plot(run.estimate, run.robot),) if local else (),
+        (plot,) if local else (),
     )
 
 
-def _levels_plot(estimate: Estimate, robot: Robot) -> Plot:
-    return Plot(
-        "friction",
-        partial(levels, estimate.local, robot),
-        "Friction level of every axis over robot time, one panel per axis, markers by kind of "
-        "measurement.",
-        "Friction level of each axis, found with each element in step 1. Levels of different "
-        "kinds come from different fits and may differ by a step; the course of one kind is "
-        f"drift by temperature and lubricant. {friction_change(estimate)} No effect on the "
-        "parameters: friction is fitted anew in every measurement.",
-    )
-
-
-def friction_change(estimate: Estimate) -> str:
+def friction_change(local: Sequence[LocalValue]) -> str:
     """Describe the largest change of the friction level within a kind of measurement."""
     spread = {}
-    for axis, kind in sorted({(v.axis, v.kind) for v in estimate.local}):
-        found = [v.friction for v in estimate.local if (v.axis, v.kind) == (axis, kind)]
+    for axis, kind in sorted({(v.axis, v.kind) for v in local}):
+        found = [v.friction for v in local if (v.axis, v.kind) == (axis, kind)]
         if min(found) > 0:
             spread[axis, kind] = max(found) / min(found) - 1.0
     if not spread:
@@ -377,10 +342,22 @@ def friction(run: ReportedRun) -> Section | None:
         "symmetry": tables.symmetry(result.symmetry),
         "drift": tables.drift(result.drifts),
     }
-    shown = tuple(_friction_plots(result))
-    if result.axes and run.is_identified:
-        shown = (models_plot(result), *shown)
-    return Section("Friction", "friction.html", values, shown)
+    shown = [models_plot(result)] if result.axes and run.is_identified else []
+    if result.drifts:
+        shown.append(Plot(
+            "over-time",
+            partial(draw_levels, result.drifts),
+            "Friction level over time, one panel per axis.",
+            "Friction level in the course of time (Fig. 2a).",
+        ))  # fmt: skip
+    if axes_in_operation(result):
+        shown.append(Plot(
+            "in-operation",
+            partial(operation_curves, result),
+            "Friction characteristics after several durations of operation.",
+            "Friction characteristics after several durations of continuous operation (Fig. 2b).",
+        ))  # fmt: skip
+    return Section("Friction", "friction.html", values, tuple(shown))
 
 
 def models_plot(result: FrictionResult) -> Plot:
@@ -391,20 +368,3 @@ def models_plot(result: FrictionResult) -> Plot:
         "Friction over speed with fitted models, one panel per axis.",
         "Measured friction and the models fitted to it (Fig. 1b); thick: the chosen model.",
     )
-
-
-def _friction_plots(result: FrictionResult) -> Iterator[Plot]:
-    if result.drifts:
-        yield Plot(
-            "over-time",
-            partial(draw_levels, result.drifts),
-            "Friction level over time, one panel per axis.",
-            "Friction level in the course of time (Fig. 2a).",
-        )
-    if axes_in_operation(result):
-        yield Plot(
-            "in-operation",
-            partial(operation_curves, result),
-            "Friction characteristics after several durations of operation.",
-            "Friction characteristics after several durations of continuous operation (Fig. 2b).",
-        )

@@ -26,7 +26,7 @@ if TYPE_CHECKING:
     from hil.commands.diagnose import DiagnosisFile
     from hil.model.robot import Robot
     from hil.report.reported_run import ReportedRun
-    from hil.results.judgement import KeptJudgement, Reservation
+    from hil.results.judgement import KeptJudgement
     from hil.runs.journal import Session
 
 
@@ -132,30 +132,23 @@ def advice(run: ReportedRun) -> Section | None:
     if run.source.imported and not items:
         return None
     urgent = [item for item in items if item.word != "good"]
-    notes = [item for item in items if item.word == "good"]
-    return Section(
-        "Findings and remedies",
-        "advice.html",
-        {"urgent": _findings(urgent), "notes": notes},
-    )
-
-
-def _findings(items: list[Reservation]) -> Table:
-    """Tabulate findings by remedy."""
-    remedies = dict.fromkeys(item.remedy for item in items)
-    parts = (
+    by_remedy = (
         Part(
-            tuple((e.subject, e.reason) for e in items if e.remedy == each),
+            tuple((e.subject, e.reason) for e in urgent if e.remedy == each),
             f"Remedy: {each}" if each else "",
         )
-        for each in remedies
+        for each in dict.fromkeys(item.remedy for item in urgent)
     )
-    return table("", ("where", Column("finding", folds=True)), parts)
+    values = {
+        "urgent": table("", ("where", Column("finding", folds=True)), by_remedy),
+        "notes": [item for item in items if item.word == "good"],
+    }
+    return Section("Findings and remedies", "advice.html", values)
 
 
 def drive_trains(run: ReportedRun) -> Section | None:
     """Create the section of drive trains; None without estimates."""
-    axes = drive_train(run.estimate, run.robot)
+    axes = drive_train(run.estimate)
     if not axes:
         return None
     return Section("Drive trains", "drive_train.html", {"axes": axes})

@@ -149,12 +149,24 @@ def dots(proof: Excluded, n_joints: int) -> Iterator[Panel]:
         if 100.0 * each.unnoticed > LEAST and (each.cause, each.axis) not in proof.places
     ]
     names = list(dict.fromkeys(map(_name, drawn)))
-    most = max([100.0, *(100.0 * each.unnoticed for each in drawn)])
+    most, colours = (
+        max([100.0, *(100.0 * each.unnoticed for each in drawn)]),
+        ordered_colours(n_joints),
+    )
+    items: list[Item] = []
+    for each in sorted(drawn, key=lambda each: each.axis):
+        # axis 1 at the top of a row, no axis in the middle
+        row, torque = len(names) - names.index(_name(each)), 100.0 * each.unnoticed
+        at = row + (0.35 - 0.7 * (each.axis - 0.5) / n_joints if each.axis else 0.0)
+        colour = colours[each.axis - 1] if each.axis else INK
+        label = f"axis {each.axis}" if each.axis else "all axes"
+        items.append(
+            Points([torque], [at], "ring", INK, "invisible", size=2.4)
+            if each.size is None
+            else Points([torque], [at], "o", colour, label, size=3.0)
+        )
     yield Panel(
-        [
-            _dot(each, len(names) - names.index(_name(each)), n_joints)
-            for each in sorted(drawn, key=lambda each: each.axis)
-        ],
+        items,
         x_label="largest undetected torque [%]",
         x_range=(LEAST, most),
         y_range=(0.4, len(names) + 0.6),
@@ -170,17 +182,6 @@ def _name(limit: Limit) -> str:
     return f"{limit.cause} {limit.part}".strip()
 
 
-def _dot(limit: Limit, row: int, n_joints: int) -> Item:
-    """Draw a dot in a row: axis 1 at the top, no axis in the middle."""
-    at = row + (0.35 - 0.7 * (limit.axis - 0.5) / n_joints if limit.axis else 0.0)
-    torque = 100.0 * limit.unnoticed
-    if limit.size is None:
-        return Points([torque], [at], "ring", INK, "invisible", size=2.4)
-    colour = ordered_colours(n_joints)[limit.axis - 1] if limit.axis else INK
-    label = f"axis {limit.axis}" if limit.axis else "all axes"
-    return Points([torque], [at], "o", colour, label, size=3.0)
-
-
 def identified(run: ReportedRun) -> Section | None:
     """Create the section of the identified model, with plots of the data."""
     if run.found.effect is not None:
@@ -191,21 +192,16 @@ def identified(run: ReportedRun) -> Section | None:
         "remarks": shown.remarks,
         "lengths": run.robot.file.lengths,
     }
-    plots = tuple(_plots(run))
+    plot = Plot(
+        "half-sums",
+        partial(draw_half_sums, run.estimate.half_sums, run.robot),
+        "Torque of the rigid bodies over the position of each axis, measured and modelled.",
+        "Gravity and, during acceleration, inertia: half-sum of forward and backward torque over "
+        "the position, less effects that differ by direction. Means over the pairs with standard "
+        "errors, for the recordings of the longest strokes, one colour each; lines: model.",
+    )
+    plots = (plot,) if run.estimate.half_sums else ()
     return Section("Parameters, friction and torques", "identified.html", values, plots)
-
-
-def _plots(run: ReportedRun) -> Iterator[Plot]:
-    if run.estimate.half_sums:
-        yield Plot(
-            "half-sums",
-            partial(draw_half_sums, run.estimate.half_sums, run.robot),
-            "Torque of the rigid bodies over the position of each axis, measured and modelled.",
-            "Gravity and, during acceleration, inertia: half-sum of forward and backward torque "
-            "over the position, less effects that differ by direction. Means over the pairs with "
-            "standard errors, for the recordings of the longest strokes, one colour each; lines: "
-            "model.",
-        )
 
 
 def draw_half_sums(half_sums: Sequence[HalfSums], robot: Robot) -> Iterator[Panel]:
@@ -215,20 +211,21 @@ def draw_half_sums(half_sums: Sequence[HalfSums], robot: Robot) -> Iterator[Pane
     """
     axes = sorted({each.axis for each in half_sums})
     for axis in axes:
+        own = (each for each in half_sums if each.axis == axis)
+        longest = sorted(own, key=lambda each: -float(np.ptp(each.q)))[:6]
+        items: list[Item] = []
+        for each, colour in zip(longest, ordered_colours(len(longest)), strict=True):
+            error = np.nan_to_num(each.standard_error)
+            items += (
+                Points(each.q, each.measured, "o", colour, error=error, size=1.6),
+                Line(each.q, each.model, colour),
+            )
         yield Panel(
-            tuple(_half_sums([each for each in half_sums if each.axis == axis])),
+            tuple(items),
             title=f"axis {axis + 1}",
             x_label=f"position [{robot.position_unit(axis)}]",
             y_label=_torque(robot, axis),
         )
-
-
-def _half_sums(own: Sequence[HalfSums]) -> Iterator[Item]:
-    longest = sorted(own, key=lambda each: -float(np.ptp(each.q)))[:6]
-    for each, colour in zip(longest, ordered_colours(len(longest)), strict=True):
-        error = np.nan_to_num(each.standard_error)
-        yield Points(each.q, each.measured, "o", colour, error=error, size=1.6)
-        yield Line(each.q, each.model, colour)
 
 
 def friction_curves(curves: Sequence[FrictionCurve], robot: Robot) -> Iterator[Panel]:

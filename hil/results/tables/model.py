@@ -7,7 +7,6 @@ For free motions friction is a law; for single-axis strokes it is a curve.
 
 from __future__ import annotations
 
-from dataclasses import replace
 from functools import partial
 from typing import TYPE_CHECKING
 
@@ -25,7 +24,7 @@ from hil.show.rounding import probability, significant, uncertain
 from hil.show.table import Column, Part, Table, figures, table
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Iterator
+    from collections.abc import Iterator
 
     from hil.estimation.back_and_forth.result import CurvePoint, FrictionCurve
     from hil.friction.law import AxisLaw, CoupledFriction, TermValue
@@ -121,7 +120,16 @@ def statements(fit: FreeMotionFit) -> Iterator[str]:
     yield (
         f"cut-off {fit.cut_off:.3g} Hz ({fit.cut_off_reason}), of torques {fit.band:.3g} Hz; {zone}"
     )
-    yield _velocities(fit)
+    n = len(fit.axes)
+    alike: dict[tuple[bool, str], list[str]] = {}
+    for axis, reason in enumerate(fit.velocity_reasons or ("",) * n, start=1):
+        alike.setdefault((axis in fit.recorded_velocity, reason), []).append(str(axis))
+    sources = []
+    for (recorded, reason), axes in alike.items():
+        which = f"axis {', '.join(axes)}" if len(axes) < n else "all axes"
+        why = f" ({reason})" if reason else ""
+        sources.append(f"{which} {'as recorded' if recorded else 'from the position'}{why}")
+    yield f"velocity of {'; of '.join(sources)}"
     for axis, each in enumerate(fit.lag, start=1):
         if each.value:
             value, error = uncertain(1e3 * each.value, 1e3 * each.standard_error)
@@ -141,7 +149,19 @@ def statements(fit: FreeMotionFit) -> Iterator[str]:
             f"gain of axis {gain.axis}, unknown in the map: {value} ± {error} {gain.unit} for one"
             " unit of the signal"
         )
-    yield _bias(fit)
+    if (test := fit.bias_test) is None:
+        yield "too few blocks to test for a bias of least squares by noise of the positions"
+    else:
+        tested = (
+            f"test of Durbin, Wu and Hausman, p {probability(test.p_value)}, at most"
+            f" {test.shift:.2g} standard errors"
+        )
+        yield (
+            f"noise of the positions biases least squares ({tested}): state a lower cut_off in "
+            "the map, or use --method 'instrumental variables'"
+            if test.biased
+            else f"noise of the positions does not bias least squares ({tested})"
+        )
     if fit.least_inertia > 0:
         yield "the mass matrix is positive definite along the motion"
     else:
@@ -150,35 +170,6 @@ def statements(fit: FreeMotionFit) -> Iterator[str]:
             "be simulated"
         )
     yield from fit.remarks
-
-
-def _velocities(fit: FreeMotionFit) -> str:
-    """Return the velocity source of the axes with its reason, grouping axes by reason."""
-    n = len(fit.axes)
-    alike: dict[tuple[bool, str], list[str]] = {}
-    for axis, reason in enumerate(fit.velocity_reasons or ("",) * n, start=1):
-        alike.setdefault((axis in fit.recorded_velocity, reason), []).append(str(axis))
-    sentences = []
-    for (recorded, reason), axes in alike.items():
-        which = f"axis {', '.join(axes)}" if len(axes) < n else "all axes"
-        why = f" ({reason})" if reason else ""
-        sentences.append(f"{which} {'as recorded' if recorded else 'from the position'}{why}")
-    return f"velocity of {'; of '.join(sentences)}"
-
-
-def _bias(fit: FreeMotionFit) -> str:
-    if fit.bias_test is None:
-        return "too few blocks to test for a bias of least squares by noise of the positions"
-    tested = (
-        f"test of Durbin, Wu and Hausman, p {probability(fit.bias_test.p_value)}, at most"
-        f" {fit.bias_test.shift:.2g} standard errors"
-    )
-    if fit.bias_test.biased:
-        return (
-            f"noise of the positions biases least squares ({tested}): state a lower cut_off in "
-            "the map, or use --method 'instrumental variables'"
-        )
-    return f"noise of the positions does not bias least squares ({tested})"
 
 
 def curves(fit: BackAndForthFit, robot: Robot) -> Table:
@@ -255,31 +246,22 @@ def statements_of_strokes(fit: BackAndForthFit) -> Iterator[str]:
 
 def summary(model: IdentifiedRobot) -> Outcome:
     """Return tables of parameters with uncertainties, of residuals and of unused measurements."""
-    found = _summary(model)
-    if model.refinement is None:
-        return found
-    return replace(found, tables=(*found.tables, model.refinement.table(model.robot)))
-
-
-def _summary(model: IdentifiedRobot) -> Outcome:
     left = band_residual(model.band_residual, model.robot, "of these recordings")
     remarks = tuple(f"left out: {left}" for left in model.provenance.left_out)
     if model.prior is not None and model.prior.replaced:
         remarks = (str(model.prior), *remarks)
     if isinstance(fit := model.details, FreeMotionFit):
-        tables = parameters(model), friction(fit, model.robot), left_by_fit(model), left
-        return Outcome(_filled(tables), (*statements(fit), *remarks))
-    if isinstance(fit, BackAndForthFit):
+        own: tuple[Table, ...] = (friction(fit, model.robot),)
+        remarks = (*statements(fit), *remarks)
+    elif isinstance(fit, BackAndForthFit):
         own = curves(fit, model.robot), plain(fit, model.robot)
-        found = parameters(model), *own, left_by_fit(model), left
-        return Outcome(_filled(found), (*statements_of_strokes(fit), *remarks))
-    if lack := lacking(model):
-        remarks = (*remarks, lack)
-    if model.method == "improved" and (ripple := ripple_left_out(model.robot)):
-        remarks = (*remarks, ripple)
-    tables = parameters(model), residuals(model), left, campaign_friction(model)
-    return Outcome(_filled(tables), remarks)
-
-
-def _filled(tables: Iterable[Table]) -> tuple[Table, ...]:
-    return tuple(table for table in tables if table.parts)
+        remarks = (*statements_of_strokes(fit), *remarks)
+    else:
+        own = residuals(model), left, campaign_friction(model)
+        ripple = ripple_left_out(model.robot) if model.method == "improved" else ""
+        remarks = (*remarks, *filter(None, (lacking(model), ripple)))
+    more = () if isinstance(fit, MeasurementFit) else (left_by_fit(model), left)
+    if model.refinement is not None:
+        more = (*more, model.refinement.table(model.robot))
+    every = parameters(model), *own, *more
+    return Outcome(tuple(each for each in every if each.parts), remarks)

@@ -175,12 +175,12 @@ def band_residual(found: BandResidual | None, robot: Robot, what: str) -> Table:
     )
 
 
-def drive_train(estimate: Estimate, robot: Robot) -> Table:
+def drive_train(estimate: Estimate) -> Table:
     """Return the measured drive train of each axis; no rows without an estimate.
 
     Compliances and friction of the load are marked if the estimate takes them into account.
     """
-    compliance = f"compliance, {compliance_units(robot)}"
+    compliance = f"compliance, {compliance_units(estimate.robot)}"
     heads = "lag, ms", "±", compliance, "±", "load friction, %", "±"
     return table("Drive trains, with standard errors", ("axis", *figures(*heads)), _axes(estimate))
 

@@ -19,10 +19,9 @@ from unpacked import unpacked
 
 from checked_files.yaml_file import load_yaml
 from hil.cli import try_plans, trying
-from hil.commands.watch import NAME
 from hil.live.listener import Listener
 from hil.results.model import Model
-from hil.results.watch import Watched
+from hil.results.watch import NAME, Watched
 from hil.runs.run import Run
 
 if TYPE_CHECKING:

@@ -74,7 +74,7 @@ def test_gravity_of_imported_strokes_is_not_taken_for_friction_of_one_direction(
     strokes: list[tuple[FreeMotion, Recording]],
 ) -> None:
     found = estimate(ROBOT, strokes, "improved")
-    np.testing.assert_allclose(found.p, TRUTH, atol=0.05)
+    np.testing.assert_allclose(found.values, TRUTH, atol=0.05)
 
 
 def test_a_mistake_in_the_map_of_imported_strokes_is_found(

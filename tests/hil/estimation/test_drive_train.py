@@ -130,7 +130,7 @@ class TestLoadFriction:
         found: Estimate,
     ) -> None:
         without = estimate(manutec, recorded)
-        plain, other = (np.abs(each.p - TABLE_3_A) for each in (without, found))
+        plain, other = (np.abs(each.values - TABLE_3_A) for each in (without, found))
         assert np.linalg.norm(other) < 2 * np.linalg.norm(plain)
 
     def test_it_makes_no_current_late(self, found: Estimate) -> None:

@@ -85,7 +85,7 @@ def test_a_prior_moves_nothing_where_data_say_all(
     robot: Robot, moving: FreeRecorded, wrong: float
 ) -> None:
     alone, beside = found(robot, moving), found(robot, moving, wrong * BODIES)
-    np.testing.assert_array_equal(beside.p, alone.p)
+    np.testing.assert_array_equal(beside.values, alone.values)
     np.testing.assert_array_equal(beside.covariance, alone.covariance)
     assert not beside.prior_share.any()
 
@@ -97,8 +97,8 @@ def test_what_is_not_excited_has_the_stated_values_and_sigmas(
     made = found(robot, one_still, BODIES)
     for k in UNEXCITED:
         sigma = np.linalg.norm(root[k])
-        assert made.p[k] == pytest.approx(p[k], abs=0.05 * sigma)
-        assert made.standard_error[k] == pytest.approx(sigma, rel=0.05)
+        assert made.values[k] == pytest.approx(p[k], abs=0.05 * sigma)
+        assert made.standard_errors[k] == pytest.approx(sigma, rel=0.05)
         assert made.prior_share[k] > 0.95
 
 
@@ -107,11 +107,11 @@ def test_bodies_twice_as_heavy_leave_what_is_excited_unchanged(
 ) -> None:
     right, heavy = (found(robot, one_still, factor * BODIES) for factor in (1.0, 2.0))
     for k in EXCITED:
-        assert abs(heavy.p[k] - right.p[k]) < 0.05 * right.standard_error[k]
-        assert abs(right.p[k] - truth[k]) < 4.0 * right.standard_error[k]
+        assert abs(heavy.values[k] - right.values[k]) < 0.05 * right.standard_errors[k]
+        assert abs(right.values[k] - truth[k]) < 4.0 * right.standard_errors[k]
         assert right.prior_share[k] < 0.05
     for k in UNEXCITED:
-        assert heavy.p[k] == pytest.approx(2.0 * right.p[k], rel=0.05)
+        assert heavy.values[k] == pytest.approx(2.0 * right.values[k], rel=0.05)
 
 
 def test_friction_follows_what_the_prior_says_of_weight(

@@ -72,4 +72,4 @@ def test_gravity_of_a_direct_drive_is_identified():
         (m, record(robot, m, TRUTH, friction, noise=0.0025, rng=rng)) for m in plan.measurements
     ]
     found = estimate(robot, recorded)
-    assert found.p == pytest.approx(TRUTH, abs=0.01)
+    assert found.values == pytest.approx(TRUTH, abs=0.01)

@@ -14,7 +14,7 @@ from synthetic import TABLE_3_A
 from checked_files.yaml_file import FileError
 from hil.errors import Mismatch, NotIdentifiable, UnknownName
 from hil.estimation.identify import estimate
-from hil.ground_truth.comparison import comparison, truth_comparison
+from hil.ground_truth.comparison import Comparison, truth_comparison
 from hil.ground_truth.true_parameters import refuse_other_plant, true_parameters
 from hil.model.base_parameters import base_parameters
 from hil.results.prediction import free_motion
@@ -130,7 +130,7 @@ class TestTruth:
 
 class TestComparison:
     def test_a_perfect_estimate_has_no_error(self, manutec, found):
-        result = comparison(replace(found, p=TABLE_3_A), manutec, TABLE_3_A)
+        result = Comparison(replace(found, values=TABLE_3_A), TABLE_3_A)
         assert set(result.group_error.values()) == {0.0}
         assert result.mean_torque_error == 0.0
         assert result.inside.all()
@@ -139,23 +139,23 @@ class TestComparison:
         p = TABLE_3_A.copy()
         gravity = list(base_parameters(manutec).groups["gravity"])
         p[gravity] *= 1.01
-        result = comparison(replace(found, p=p), manutec, TABLE_3_A)
+        result = Comparison(replace(found, values=p), TABLE_3_A)
         assert result.group_error["gravity"] == pytest.approx(0.01)
         assert result.group_error["diagonal"] == 0.0
 
     def test_torque_errors_are_relative_and_linear(self, manutec, found):
-        result = comparison(replace(found, p=1.02 * TABLE_3_A), manutec, TABLE_3_A)
+        result = Comparison(replace(found, values=1.02 * TABLE_3_A), TABLE_3_A)
         assert result.torque == pytest.approx(np.full(6, 0.02))
 
     def test_z_and_intervals_judge_each_parameter(self, manutec, found):
         p = TABLE_3_A.copy()
-        p[0] += 30 * found.standard_error[0]
-        result = comparison(replace(found, p=p), manutec, TABLE_3_A)
+        p[0] += 30 * found.standard_errors[0]
+        result = Comparison(replace(found, values=p), TABLE_3_A)
         assert result.z[0] == pytest.approx(30)
         assert result.inside.tolist() == [False] + [True] * 13
 
     def test_the_truth_behind_a_run_is_found(self, manutec, found):
-        result = comparison(found, manutec, TABLE_3_A)
+        result = Comparison(found, TABLE_3_A)
         assert max(result.group_error.values()) < 0.01
         assert result.inside.sum() >= 11
 

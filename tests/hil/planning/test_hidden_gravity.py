@@ -23,7 +23,9 @@ from hil.planning.dry_run import dry_run
 from hil.planning.prediction.noise import stated_noise
 from hil.planning.prediction.precision import predict
 from hil.results.advice import CampaignResult, advice, error_budget
+from hil.results.model import Model
 from hil.results.prediction import effect_of_errors
+from hil.results.provenance import Provenance
 
 if TYPE_CHECKING:
     from hil.planning.measurement import Measurement
@@ -148,7 +150,7 @@ def recorded(robot: Robot) -> Recorded:
 
 def test_an_offset_of_the_torque_does_not_count_as_mass(robot: Robot, recorded: Recorded) -> None:
     found = estimate(robot, recorded)
-    assert found.p == pytest.approx(TRUTH, rel=0.005)
+    assert found.values == pytest.approx(TRUTH, rel=0.005)
 
 
 def test_without_its_acceleration_an_estimate_is_refused(robot: Robot, recorded: Recorded) -> None:
@@ -163,9 +165,13 @@ def test_advice_for_a_hidden_mass_is_more_acceleration(
     robot: Robot, plan: Plan, recorded: Recorded
 ) -> None:
     found = estimate(robot, recorded)
-    uncertain = replace(found, covariance=np.diag([0.0, 0.0, 2.0**2]))
-    effect, budget = effect_of_errors(uncertain, robot), error_budget(uncertain, robot)
-    judged = CampaignResult(uncertain, effect, budget, robot, plan, [])
+    uncertain = replace(found, scatter_covariance=np.diag([0.0, 0.0, 2.0**2]))
+    where = Provenance(
+        robot=robot.name, robot_digest="", plan_digest="", measured="", bus="", measurements=1,
+        left_out=(), identified="", method=found.method, version="",
+    )  # fmt: skip
+    model = Model(**vars(uncertain), provenance=where, error_budget=error_budget(uncertain))
+    judged = CampaignResult(model, effect_of_errors(uncertain), plan, [])
     advised = {item.subject: item.remedy for item in advice(judged)}
     (hidden,) = (remedy for subject, remedy in advised.items() if "(p3)" in subject)
     assert "add inertia measurements of axis 3" in hidden

@@ -28,6 +28,7 @@ from hil.report.page import report
 from hil.results.advice import CampaignResult, advice
 from hil.results.findings import kept
 from hil.results.identification import identify
+from hil.results.model import Model
 from hil.results.prediction import FreeTorques, effect_of_errors
 from hil.runs.pooling import recorded
 from hil.runs.recording import Finding
@@ -150,10 +151,10 @@ class TestPage:
         text, best = text_of(page), found["improved"]
         base = base_parameters(manutec)
         for k, name in enumerate(base.names):
-            error, half = best.standard_error[k], best.half_width()[k]
+            error, half = best.standard_errors[k], best.half_width()[k]
             row = text[: text.index(f" {text_of(symbols(base.expressions[k]))} ")]
             row = row[row.rindex(f" {name} ") :]
-            for value in (best.p[k], error, best.p[k] - half, best.p[k] + half):
+            for value in (best.values[k], error, best.values[k] - half, best.values[k] + half):
                 assert rounded(value, error) in row
 
     def test_the_contents_lead_to_every_section(self, page):
@@ -182,7 +183,7 @@ class TestPage:
         compared = sections[begin:end]
         for k in range(14):
             for each in found.values():
-                assert rounded(each.p[k], each.standard_error[k]) in compared
+                assert rounded(each.values[k], each.standard_errors[k]) in compared
 
     def test_it_says_what_was_measured_on_what(self, page, folder):
         text = text_of(page)
@@ -252,19 +253,18 @@ class TestOtherRuns:
 
 class TestAdvice:
     def advised(self, folder, estimate, campaign=None, budget=()):
-        effect = effect_of_errors(estimate, folder.robot)
+        effect = effect_of_errors(estimate)
         campaign = list(folder) if campaign is None else campaign
-        found = advice(
-            CampaignResult(estimate, effect, budget, folder.robot, folder.plan, campaign)
-        )
+        model = Model(**vars(estimate), provenance=None, error_budget=budget)
+        found = advice(CampaignResult(model, effect, folder.plan, campaign))
         return {item.subject: item for item in found}
 
     def test_a_parameter_that_spoils_the_torques_is_weak(self, folder, found):
         best = found["improved"]
-        covariance = best.covariance.copy()
+        covariance = best.scatter_covariance.copy()
         covariance[10] = covariance[:, 10] = 0.0
         covariance[10, 10] = 0.1**2
-        item = self.advised(folder, replace(best, covariance=covariance))[TITLE_OF_P11]
+        item = self.advised(folder, replace(best, scatter_covariance=covariance))[TITLE_OF_P11]
         assert "% of the torque of joint" in item.reason
         assert re.search(r"add inertia measurements of axis [45], such as i\d\d", item.remedy)
         assert item.word == "doubtful"
@@ -337,10 +337,11 @@ class TestAdvice:
 
     def test_correlated_parameters_are_named_together(self, folder, found):
         best = found["improved"]
-        covariance = np.diag(np.diag(best.covariance))
+        covariance = np.diag(np.diag(best.scatter_covariance))
         covariance[0, 1] = covariance[1, 0] = -0.97 * np.sqrt(covariance[0, 0] * covariance[1, 1])
-        assert replace(best, covariance=covariance).correlation[0, 1] == pytest.approx(-0.97)
-        items = self.advised(folder, replace(best, covariance=covariance))
+        alike = replace(best, scatter_covariance=covariance)
+        assert alike.correlation[0, 1] == pytest.approx(-0.97)
+        items = self.advised(folder, alike)
         assert "−0.97" in items["inertia of axis 1 (p1), inertia xx - yy of link 2 (p2)"].reason
 
     def test_friction_that_differs_by_direction_is_of_note(self, folder, found):
@@ -362,7 +363,7 @@ class TestPointsOfStep1:
         seen = [(each.shown[0] - each.model) / each.shown[1] for each in local]
         assert abs(raw[1]) > 0.5
         assert np.mean(np.abs(seen)) < 2.0
-        assert all(np.isnan(each.believed) for each in found["published"].local)
+        assert all(each.believed is None for each in found["published"].local)
 
     def test_an_inertia_that_is_wrong_by_a_percent_shows(self, folder, found):
         """Friction has more terms here than in step 1; they must not hide the model's error."""
@@ -370,7 +371,7 @@ class TestPointsOfStep1:
         m, s = next((m, s) for m, s in best.joint.prepared if m.kind == "inertia" and m.index == 1)
         place_of_axis = place(folder.robot, 1)[best.joint.solver.n_base :]
         common = best.joint.solver.solution[place_of_axis]
-        right, wrong = best.p, 1.01 * best.p
+        right, wrong = best.values, 1.01 * best.values
         values = [believed_fit(folder.robot, m, s, p, common).evaluate(p) for p in (right, wrong)]
         lower = [each.value - each.model for each in values]
         assert lower[0] - lower[1] == pytest.approx(0.01 * values[0].model, rel=0.2)
@@ -381,15 +382,15 @@ class TestPrediction:
         best, free = found["improved"], FreeTorques(folder.robot)
         error = free.standard_error(best.covariance)
         assert free.standard_error(4 * best.covariance) == pytest.approx(2 * error)
-        assert np.all(free.relative(error, best.p) < 0.05)
+        assert np.all(free.relative(error, best.values) < 0.05)
 
     def test_one_parameter_alone_has_its_own_effect(self, folder, found):
         alone = np.zeros((14, 14))
         alone[13, 13] = 0.01**2
-        only, free = replace(found["improved"], covariance=alone), FreeTorques(folder.robot)
-        error = free.standard_error(only.covariance + only.drive_covariance)
-        effect = effect_of_errors(only, folder.robot)
-        assert free.relative(error, only.p) == pytest.approx(effect[:, 13])
+        only, free = replace(found["improved"], scatter_covariance=alone), FreeTorques(folder.robot)
+        error = free.standard_error(only.covariance)
+        effect = effect_of_errors(only)
+        assert free.relative(error, only.values) == pytest.approx(effect[:, 13])
         assert effect[:, :13].max() == 0.0
 
 

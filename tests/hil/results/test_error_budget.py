@@ -39,7 +39,7 @@ def recorded(manutec: Robot) -> Recorded:
 
 def budget(robot: Robot, recorded: Recorded, flaw: Flaw | None = None) -> tuple[ErrorTerm, ...]:
     flawed = recorded if flaw is None else [(m, flaw(robot, r)) for m, r in recorded]
-    return error_budget(estimate(robot, flawed), robot)
+    return error_budget(estimate(robot, flawed))
 
 
 def loaded(robot: Robot, r: Recording) -> Recording:

@@ -35,7 +35,7 @@ def run(manutec: Robot, tmp_path_factory: pytest.TempPathFactory) -> Run:
 @pytest.fixture(scope="module")
 def found(run: Run) -> Findings:
     campaign = tuple(run)
-    made = follow_from(run, identified(run), campaign, tuple(recorded(campaign)))
+    made = follow_from(run, identified(run).model, campaign, tuple(recorded(campaign)))
     keep(run, made)
     return made
 
@@ -136,7 +136,7 @@ def test_a_stranger_s_file_restores_records_of_findings_and_calls_nothing_else(
     monkeypatch.syspath_prepend(copy)
     whole = json.loads((copy / NAME).read_bytes())
     content = json.loads(whole["content"])
-    content[4] = [foreign]  # advice may have any length
+    content[3] = [foreign]  # advice may have any length
     text = json.dumps(content)
     digest = _digest(text)  # simulate a stranger with the key
     (copy / NAME).write_text(json.dumps(whole | {"content": text, "digest": digest}))

@@ -200,7 +200,7 @@ def add_torque_effect() -> Model:
     model = six_axes()
     effect = np.zeros((len(model.values), 6))
     effect[[9, 10, 12], 4] = model.values[[9, 10, 12]] * 10  # an effect on three parameters
-    return replace(model, torque_effect=effect)
+    return replace(model, effect=effect)
 
 
 def test_an_exchanged_drive_is_named_in_place_of_all_that_it_changed() -> None:
@@ -286,7 +286,7 @@ def test_one_run_alone_is_stated_as_such() -> None:
 def test_different_methods_are_stated() -> None:
     model = machine()
     other = measured(model, 2, 2)
-    other = replace(other, provenance=other.provenance.model_copy(update={"method": "other"}))
+    other = replace(other, method="other")
     found = history_of([("a", measured(model, 1, 1)), ("b", other)])
     assert any("different methods (improved, other)" in note for note in found.notes)
 

@@ -93,7 +93,7 @@ def both(strokes: Run, imported: Run) -> ModelFit:
 
 def variances(fit: ModelFit) -> np.ndarray:
     """Return variances of the base parameters."""
-    return np.diag(fit.estimate.covariance)
+    return np.diag(fit.estimate.scatter_covariance)
 
 
 def test_what_recordings_call_for_is_stated(strokes: Run, imported: Run) -> None:
@@ -103,7 +103,7 @@ def test_what_recordings_call_for_is_stated(strokes: Run, imported: Run) -> None
 
 
 def test_a_mixture_finds_the_parameters_that_both_share(both: ModelFit) -> None:
-    z = (both.estimate.p - TABLE_3_A) / both.estimate.standard_error
+    z = (both.estimate.values - TABLE_3_A) / both.estimate.standard_errors
     # 14 of Student's t with few degrees of freedom
     assert np.abs(z).max() < 6.0
     inside = [
@@ -125,7 +125,7 @@ def test_what_an_import_does_not_show_is_as_uncertain_as_without_it(
 ) -> None:
     alone = np.sqrt(variances(measured))
     recordings = [*both_of(strokes), free_motion(manutec, moving=3)]
-    beside = estimate(manutec, recordings, "joint").standard_error
+    beside = estimate(manutec, recordings, "joint").standard_errors
     of_the_wrist = slice(8, 14)
     # lags, encoder steps and compliances count with any additional recordings
     assert (beside[of_the_wrist] > 0.9 * alone[of_the_wrist]).all()
@@ -150,7 +150,7 @@ def test_an_error_of_a_torque_constant_does_to_a_mixture_what_is_stated(
         tau = recording.tau.copy()
         tau[:, axis] *= 1.0 + share
         scaled.append((motion, replace(recording, tau=tau)))
-    change = (estimate(manutec, scaled, "joint").p - both.estimate.p) / share
+    change = (estimate(manutec, scaled, "joint").values - both.estimate.values) / share
     effect = both.estimate.effect[:, axis]
     assert np.linalg.norm(change - effect) < 0.05 * np.linalg.norm(effect)
 
@@ -165,7 +165,7 @@ def test_a_prior_completes_a_mixture(strokes: Run, manutec: Robot) -> None:
     options = Options(prior=Prior(np.tile(sphere, (6, 1)), 0.3))
     found = estimate(manutec, select_axis_1(strokes, manutec), "joint", options)
     assert (found.prior_share[[3, 4, 6]] > 0.9).all()
-    assert abs(found.p[0] - TABLE_3_A[0]) < 4 * found.standard_error[0]
+    assert abs(found.values[0] - TABLE_3_A[0]) < 4 * found.standard_errors[0]
 
 
 def test_all_that_was_found_has_a_name(both: ModelFit, manutec: Robot) -> None:
@@ -217,7 +217,7 @@ def test_errors_are_stated_as_asked(
 ) -> None:
     as_usual, run = request.getfixturevalue(kind), strokes if kind == "measured" else imported
     other = hil.regression(run, covariance=covariance).fit()
-    np.testing.assert_array_equal(as_usual.estimate.p, other.estimate.p)
+    np.testing.assert_array_equal(as_usual.estimate.values, other.estimate.values)
     assert not np.allclose(variances(as_usual), variances(other), rtol=1e-3)
 
 
@@ -227,7 +227,7 @@ def test_an_option_for_the_import_with_a_load_leaves_the_strokes_without_it_alon
 ) -> None:
     asked = hil.regression(strokes, loaded=[imported], **option)
     plain = measured if "friction" in option else hil.regression(strokes, nuisance=()).fit()
-    np.testing.assert_array_equal(asked.bare.estimate.p, plain.estimate.p)
+    np.testing.assert_array_equal(asked.bare.estimate.values, plain.estimate.values)
 
 
 def test_what_cannot_be_asked_is_refused(strokes: Run) -> None:

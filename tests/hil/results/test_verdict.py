@@ -100,24 +100,18 @@ def limit(cause: str, axis: int, size: float | None, torque: float = 0.01) -> Li
     return Limit(cause=cause, axis=axis, part="", unit="%", size=size, torque=torque)
 
 
-def reasons_within(
-    model: Model, *limits: Limit, usual_effect: Array | None = None
-) -> tuple[str, Array]:
+def reasons_within(model: Model, *limits: Limit) -> tuple[str, Array]:
     """Return reasons of a good model with this excluded cause, and the figures in them."""
-    found = verdict(
-        replace(model, excluded=Excluded(found=(), limits=limits, tests=1)), usual_effect
-    )
+    found = verdict(replace(model, excluded=Excluded(found=(), limits=limits, tests=1)))
     assert found.word == "good"
     reason = "; ".join(each.reason for each in found.reasons)
     return reason, np.array(re.findall(r"within ([\d.]+) % \(1 sigma\)", reason), float)
 
 
-def effects(model: Model) -> Array:
-    """Return effects of torque constants, then rotor inertias: ten times the parameters' own
-    errors.
-    """
+def affected(model: Model) -> Model:
+    """Return a model whose parameters change by ten times their errors by a usual drive error."""
     error = 10.0 * np.sqrt(np.diag(model.covariance))
-    return np.tile(error[:, np.newaxis], 2 * model.robot.n_joints)
+    return replace(model, effect=error[:, np.newaxis] / model.robot.usual_uncertainty)
 
 
 def test_a_note_states_what_must_be_right_since_it_does_not_show(model: Model) -> None:
@@ -139,9 +133,7 @@ def test_a_note_states_what_must_be_right_since_it_does_not_show(model: Model) -
 
 
 def test_what_shows_in_its_usual_size_is_no_condition(model: Model) -> None:
-    reason, stated = reasons_within(
-        model, limit("torque constant", 4, 0.1), usual_effect=effects(model)
-    )
+    reason, stated = reasons_within(affected(model), limit("torque constant", 4, 0.1))
     assert len(stated) == 1
     assert "if" not in reason
 
@@ -153,8 +145,8 @@ def test_a_tolerance_counts_as_far_as_it_would_not_be_found(model: Model) -> Non
         for axis in range(1, 7)
         if (cause, axis) != ("rotor inertia", 1)
     ]  # fmt: skip
-    _, (_, alone) = reasons_within(model, hidden, *seen, usual_effect=effects(model))
-    _, (_, every) = reasons_within(model, hidden, usual_effect=effects(model))
+    _, (_, alone) = reasons_within(affected(model), hidden, *seen)
+    _, (_, every) = reasons_within(affected(model), hidden)
     assert every / alone == pytest.approx(np.sqrt(12), rel=0.1)
 
 

@@ -22,7 +22,6 @@ from checked_files.yaml_file import load_yaml
 from drivers.drive_bus import Sample
 from hil.cli import app
 from hil.cli.measuring import OnBus, measure
-from hil.commands.watch import NAME
 from hil.errors import Mismatch
 from hil.model.robot import ROBOTS, Robot
 from hil.planning.design.trajectories import Basis
@@ -30,7 +29,7 @@ from hil.planning.measurement import Gravity, Inertia
 from hil.planning.plan import Plan, PlannedRobot, dump_plan
 from hil.results.identification import identify
 from hil.results.model import Model
-from hil.results.watch import LEARNING, Watched
+from hil.results.watch import LEARNING, NAME, Watched
 from hil.runs import SIMULATED
 from hil.runs.run import Run
 from hil.runs.run_folder import RunFolder

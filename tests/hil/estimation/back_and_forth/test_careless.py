@@ -97,7 +97,7 @@ def test_a_pair_of_no_use_is_named_and_the_others_are_used() -> None:
     found = estimate(ROBOT, [(motion, replace(recording, stroke=stroke)), *data[1:]], NAME)
     assert [left.id for left in found.left_out] == [motion.id]
     assert found.left_out[0].reason.startswith("pair 2: a stroke is too short")
-    np.testing.assert_allclose(found.p, TRUTH, atol=0.02)
+    np.testing.assert_allclose(found.values, TRUTH, atol=0.02)
 
 
 def test_another_axis_that_moves_too_is_accounted_for_and_stated() -> None:
@@ -121,7 +121,7 @@ def test_another_axis_that_moves_too_is_accounted_for_and_stated() -> None:
         "besides the stated axis, axis 1 moved in s2-5" in remark
         for remark in found.details.remarks
     )
-    np.testing.assert_allclose(found.p, TRUTH, atol=0.03)
+    np.testing.assert_allclose(found.values, TRUTH, atol=0.03)
 
 
 def _rates(q: Array, added: list[Array] | None) -> list[Array]:
@@ -139,7 +139,7 @@ def _rates(q: Array, added: list[Array] | None) -> list[Array]:
 def test_one_pair_alone_says_what_it_cannot_show() -> None:
     found = estimate(ROBOT, campaign(ROBOT, TRUTH, pairs=1), NAME)
     assert any("have one pair of strokes" in each for each in found.details.remarks)
-    np.testing.assert_allclose(found.p, TRUTH, atol=0.1)
+    np.testing.assert_allclose(found.values, TRUTH, atol=0.1)
 
 
 def test_torques_of_unknown_worth_are_left_to_the_method_that_finds_it() -> None:

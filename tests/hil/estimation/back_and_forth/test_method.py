@@ -38,8 +38,8 @@ def found() -> Estimate:
 def test_parameters_are_found_under_friction_that_drifts_and_grows_with_the_load(
     found: Estimate,
 ) -> None:
-    np.testing.assert_allclose(found.p, TRUTH, atol=0.02)
-    assert np.sum(np.abs(found.p - TRUTH) <= found.half_width()) >= 5
+    np.testing.assert_allclose(found.values, TRUTH, atol=0.02)
+    assert np.sum(np.abs(found.values - TRUTH) <= found.half_width()) >= 5
     assert np.all(found.half_width() < 0.05)
 
 
@@ -64,7 +64,7 @@ def test_what_rigid_bodies_ask_for_is_shown_recording_by_recording(found: Estima
 
 def test_a_way_back_that_is_faster_than_the_way_forth_is_accounted_for() -> None:
     found = estimate(ROBOT, campaign(ROBOT, TRUTH, steady, faster_back=0.08), NAME)
-    np.testing.assert_allclose(found.p, TRUTH, atol=0.01)
+    np.testing.assert_allclose(found.values, TRUTH, atol=0.01)
 
 
 @settings(max_examples=4)
@@ -77,7 +77,7 @@ def test_no_odd_friction_shifts_anything(
         return np.asarray(np.sign(qd) * size)
 
     found = estimate(ROBOT, campaign(ROBOT, TRUTH, odd, noise=0.0, pairs=2), NAME)
-    np.testing.assert_allclose(found.p, TRUTH, atol=0.01)
+    np.testing.assert_allclose(found.values, TRUTH, atol=0.01)
 
 
 def test_friction_that_wears_off_steadily_is_no_gravity() -> None:
@@ -87,7 +87,7 @@ def test_friction_that_wears_off_steadily_is_no_gravity() -> None:
         return np.asarray(np.sign(qd) * (20.0 - 0.5 * time)[:, np.newaxis])
 
     found = estimate(ROBOT, campaign(ROBOT, TRUTH, trend, noise=0.0), NAME)
-    np.testing.assert_allclose(found.p, TRUTH, atol=0.01)
+    np.testing.assert_allclose(found.values, TRUTH, atol=0.01)
 
 
 def test_what_strokes_do_not_show_is_kept_out_and_the_rest_stands_for_sums() -> None:
@@ -102,17 +102,17 @@ def test_what_strokes_do_not_show_is_kept_out_and_the_rest_stands_for_sums() -> 
     assert found.combination is not None
     assert fit.not_identified
     lost = [int(name[1:]) - 1 for name in fit.not_identified]
-    np.testing.assert_array_equal(found.p[lost], 0.0)
+    np.testing.assert_array_equal(found.values[lost], 0.0)
     assert {each.name for each in fit.combinations}.isdisjoint(fit.not_identified)
     assert all(" p" in each.stands_for for each in fit.combinations)
-    assert np.all(np.abs(found.p - found.combination @ TRUTH) <= 1.5 * found.half_width())
+    assert np.all(np.abs(found.values - found.combination @ TRUTH) <= 1.5 * found.half_width())
 
     def inertia(p: Array) -> float:
         there, unit = np.array(where), np.array([1.0, 0.0])
         both = (inverse_dynamics(ROBOT, p, there, 0 * unit, k * unit)[0] for k in (1.0, 0.0))
         return float(np.subtract(*both))
 
-    assert inertia(found.p) == pytest.approx(inertia(TRUTH), rel=0.02)
+    assert inertia(found.values) == pytest.approx(inertia(TRUTH), rel=0.02)
 
 
 def test_uncertain_drives_make_parameters_uncertain() -> None:

@@ -196,7 +196,7 @@ def test_a_presliding_that_no_law_holds_gets_a_dead_zone_and_counts_as_residual(
     assert with_zone.details.dead_zone > 0
     # the score also covers speeds omitted from the fit
     assert (with_zone.residual > 0.9 * without.residual).all()
-    error, of_all = (np.linalg.norm(found.p - TRUTH) for found in (with_zone, without))
+    error, of_all = (np.linalg.norm(found.values - TRUTH) for found in (with_zone, without))
     assert error < of_all
 
 

@@ -52,7 +52,7 @@ def test_a_level_that_falls_is_found_and_no_longer_left_in_the_torque(warmed: Es
 def test_the_law_is_that_of_the_mean_level(warmed: Estimate) -> None:
     plain = warmed.details.axes[0].plain
     assert plain["Coulomb"].value == pytest.approx(COULOMB[0], rel=0.02)
-    assert np.abs(warmed.p - TRUTH).max() < 0.02
+    assert np.abs(warmed.values - TRUTH).max() < 0.02
 
 
 def test_how_far_the_level_went_counts_in_intervals_of_predicted_torques(warmed: Estimate) -> None:

@@ -34,9 +34,9 @@ def test_lags_are_found_and_bias_no_parameter(seed: int, lags: np.ndarray) -> No
         assert abs(each.value - lag) <= 3 * each.standard_error
     late = sum("ms after the position" in text for text in statements(found.details))
     assert late == np.count_nonzero(lags)
-    z = np.abs(found.p - TRUTH) / found.standard_error
+    z = np.abs(found.values - TRUTH) / found.standard_errors
     assert z.max() < 3.0
-    assert np.linalg.norm(found.p - TRUTH) < 0.5 * np.linalg.norm(plain.p - TRUTH)
+    assert np.linalg.norm(found.values - TRUTH) < 0.5 * np.linalg.norm(plain.values - TRUTH)
 
 
 @pytest.mark.parametrize("seed", range(3))

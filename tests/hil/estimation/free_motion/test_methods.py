@@ -36,7 +36,7 @@ def robot() -> Robot:
 
 
 def distance(found: Estimate) -> float:
-    return float(np.linalg.norm(found.p - TRUTH) / np.linalg.norm(TRUTH))
+    return float(np.linalg.norm(found.values - TRUTH) / np.linalg.norm(TRUTH))
 
 
 @pytest.mark.parametrize("name", VARIANTS)
@@ -44,8 +44,8 @@ def test_every_method_finds_the_parameters_and_states_their_errors(robot: Robot,
     found = estimate(robot, recorded(robot, TRUTH), name)
     assert found.method == name
     assert distance(found) < 1e-3
-    assert (np.abs(found.p - TRUTH) < 4 * found.standard_error).all()
-    assert (found.standard_error > 0).all()
+    assert (np.abs(found.values - TRUTH) < 4 * found.standard_errors).all()
+    assert (found.standard_errors > 0).all()
 
 
 def test_uncertain_gains_are_carried_to_the_intervals() -> None:
@@ -53,14 +53,14 @@ def test_uncertain_gains_are_carried_to_the_intervals() -> None:
     data = recorded(uncertain, TRUTH)
     found = estimate(uncertain, data, "least squares")
     # a common factor of all gains scales all parameters
-    assert found.drive_effect.sum(axis=1) == pytest.approx(0.05 * found.p, rel=1e-6, abs=1e-9)
+    assert found.drive_effect.sum(axis=1) == pytest.approx(0.05 * found.values, rel=1e-6, abs=1e-9)
     assert found.drive_covariance == pytest.approx(found.drive_effect @ found.drive_effect.T)
     exact = estimate(arm(rotor_inertia=0.0), data, "least squares")
-    assert found.p == pytest.approx(exact.p)
+    assert found.values == pytest.approx(exact.values)
     assert (found.half_width() > 3 * exact.half_width()).all()
     for _, recording in data:
         recording.tau[:, 0] *= 1.05
-    moved = estimate(uncertain, data, "least squares").p - found.p
+    moved = estimate(uncertain, data, "least squares").values - found.values
     assert moved == pytest.approx(found.drive_effect[:, 0], rel=1e-6, abs=1e-9)
 
 
@@ -68,9 +68,10 @@ def test_uncertain_rotor_inertias_are_carried_to_the_intervals() -> None:
     uncertain, greater = arm(rotor_inertia_uncertainty=0.05), arm(rotor_inertia=1.05e-4)
     data = recorded(uncertain, TRUTH)
     found, other = (estimate(each, data, "least squares") for each in (uncertain, greater))
-    assert found.drive_effect[:, 2:].sum(axis=1) == pytest.approx(other.p - found.p, rel=1e-6)
+    moved = other.values - found.values
+    assert found.drive_effect[:, 2:].sum(axis=1) == pytest.approx(moved, rel=1e-6)
     exact = estimate(arm(), data, "least squares")
-    assert found.p == pytest.approx(exact.p)
+    assert found.values == pytest.approx(exact.values)
     assert (found.half_width() > exact.half_width()).any()
 
 
@@ -82,7 +83,7 @@ def test_intervals_hold_the_truth_though_the_law_of_friction_is_wrong(robot: Rob
     held, total = 0, 0
     for seed in range(0, 40, 10):
         found = estimate(robot, recorded(robot, TRUTH, strange, seed=seed), "free motion")
-        held += int((np.abs(found.p - TRUTH) <= found.half_width()).sum())
+        held += int((np.abs(found.values - TRUTH) <= found.half_width()).sum())
         total += len(TRUTH)
     assert held >= 0.85 * total
 
@@ -165,7 +166,7 @@ def test_recordings_are_read_one_at_a_time_and_again(robot: Robot) -> None:
     again = estimate(robot, counted, "free motion")  # type: ignore[arg-type]
     once = estimate(robot, iter(data), "free motion")
     assert counted.begun > 1
-    assert again.p == pytest.approx(once.p, rel=1e-12)
+    assert again.values == pytest.approx(once.values, rel=1e-12)
 
 
 def test_the_method_follows_from_what_was_recorded() -> None:
@@ -210,7 +211,7 @@ def test_recordings_of_two_rates_are_kinds_of_their_own(robot: Robot) -> None:
     alone = estimate(robot, whole[:2], "free motion")
     assert together.n_measurements == 4
     assert together.details.cut_off == alone.details.cut_off
-    assert (together.p != alone.p).any()
+    assert (together.values != alone.values).any()
     assert distance(together) < 2e-3
 
 

@@ -32,6 +32,6 @@ def test_what_is_not_becomes_so_and_moves_by_no_more_than_that_takes() -> None:
 
 def test_an_estimate_that_the_data_insist_on_is_left_and_the_contradiction_stated() -> None:
     found = estimate(arm(), recorded(arm(), IMPOSSIBLE), "free motion")
-    assert found.p == pytest.approx(IMPOSSIBLE, abs=0.02)
+    assert found.values == pytest.approx(IMPOSSIBLE, abs=0.02)
     assert found.details.least_inertia < 0
     assert any("positive definite" in remark for remark in found.details.remarks)

@@ -81,7 +81,7 @@ def test_the_distance_is_found_and_inertia_no_longer_takes_its_place() -> None:
     for axis in found.details.axes:
         assert axis.presliding == pytest.approx(DISTANCE, rel=0.25)
     assert found.details.overall_residual < 0.7 * plain.details.overall_residual
-    error, of_plain = (np.linalg.norm(each.p - TRUTH) for each in (found, plain))
+    error, of_plain = (np.linalg.norm(each.values - TRUTH) for each in (found, plain))
     assert error < 0.5 * of_plain
 
 

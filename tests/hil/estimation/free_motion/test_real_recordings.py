@@ -64,17 +64,13 @@ def model(robot: str, found: Estimate) -> Model:
         robot=robot, robot_digest="", plan_digest="", measured="", bus="", measurements=1,
         left_out=(), identified="", method=found.method, version="",
     )  # fmt: skip
-    return Model(
-        Robot.load(robot), found.p, found.covariance, found.drive_covariance,
-        found.degrees_of_freedom, found.residual, found.condition, where, found.friction_law,
-        details=found.details,
-    )  # fmt: skip
+    return Model(**vars(found), provenance=where)
 
 
 def test_emps_mass_and_friction_are_the_published_ones_and_the_other_record_is_predicted() -> None:
     found = estimate(Robot.load("emps"), [emps("estimation")], "free motion")
     (axis,) = found.details.axes
-    assert found.p[0] == pytest.approx(95.11, rel=0.01)
+    assert found.values[0] == pytest.approx(95.11, rel=0.01)
     assert axis.plain["viscous"].value / axis.speed == pytest.approx(203.5, rel=0.03)
     assert axis.plain["Coulomb"].value == pytest.approx(20.39, rel=0.03)
     assert axis.plain["offset"].value == pytest.approx(-3.165, rel=0.03)
@@ -87,7 +83,7 @@ def test_tx40_leaves_little_of_the_torque_and_its_mass_matrix_is_positive() -> N
     assert found.details.overall_residual < 0.082
     assert found.details.least_inertia > 0
     # 40 base parameters and the coupled motor's inertia; its friction and that of six joints
-    assert len(found.p) + 2 * len(found.details.coupled) + 18 == 61
+    assert len(found.values) + 2 * len(found.details.coupled) + 18 == 61
 
 
 def test_tx40_is_predicted_below_100_hz_at_every_tenth_sample_of_all_speeds() -> None:

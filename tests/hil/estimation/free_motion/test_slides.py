@@ -67,7 +67,7 @@ def test_with_the_rotor_in_the_mass_torques_are_the_same_and_the_offset_has_its_
     found = estimate(zero, data, "free motion")
     q, qd, qdd = some_motion(np.arange(500) * 0.01, seed=7)
     expected = inverse_dynamics(unknown, truth_of(unknown), q, qd, qdd)
-    torques = inverse_dynamics(zero, found.p, q, qd, qdd)
+    torques = inverse_dynamics(zero, found.values, q, qd, qdd)
     expected[:, 0] += 8.0 * G  # weight compensated by the friction offset
     np.testing.assert_allclose(torques, expected, atol=0.02 * np.abs(expected).max(axis=0).max())
 
@@ -75,7 +75,7 @@ def test_with_the_rotor_in_the_mass_torques_are_the_same_and_the_offset_has_its_
 def test_a_slide_across_gravity_needs_no_rotor_inertia():
     robot = lift(gravity=(0.0, -G, 0.0))
     found = estimate(robot, recordings(robot, truth_of(robot)), "free motion")
-    assert np.isfinite(found.p).all()
+    assert np.isfinite(found.values).all()
 
 
 def test_a_joint_at_rest_beside_a_slide_is_no_second_reason_for_refusal():

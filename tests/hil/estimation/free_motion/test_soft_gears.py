@@ -49,9 +49,9 @@ def test_compliances_are_found_and_bias_no_parameter(seed: int) -> None:
     assert list(found.details.compliance) == [1, 2]
     for each, c in zip(found.details.compliance.values(), COMPLIANCE, strict=True):
         assert abs(each.value - c) < 3 * each.standard_error
-    assert np.abs((found.p - TRUTH) / found.standard_error).max() < 3.0
+    assert np.abs((found.values - TRUTH) / found.standard_errors).max() < 3.0
     assert sum("compliance of axis" in text for text in statements(found.details)) == 2
-    assert np.linalg.norm(found.p - TRUTH) < 0.1 * np.linalg.norm(stiff.p - TRUTH)
+    assert np.linalg.norm(found.values - TRUTH) < 0.1 * np.linalg.norm(stiff.values - TRUTH)
 
 
 @pytest.mark.parametrize("seed", range(3))

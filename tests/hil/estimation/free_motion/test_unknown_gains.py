@@ -32,7 +32,7 @@ def test_every_method_finds_a_gain_by_what_the_axes_share(method: str) -> None:
     assert gains[1].value == pytest.approx(40.0, rel=5e-3)
     assert gains[1].unit == "N m"
     assert abs(gains[1].value - 40.0) < 4 * gains[1].standard_error
-    assert (np.abs(found.p - TRUTH) < 4 * found.standard_error).all()
+    assert (np.abs(found.values - TRUTH) < 4 * found.standard_errors).all()
     assert (found.residual < 0.3).all()  # N m, after the gain
 
 
@@ -42,7 +42,7 @@ def test_rotors_of_known_inertia_fix_the_gains_of_all_axes() -> None:
     for axis, truth in ((1, 0.02), (2, 50.0)):
         assert abs(gains[axis].value - truth) < 4 * gains[axis].standard_error
         assert gains[axis].standard_error < 0.05 * truth
-    assert (np.abs(found.p - TRUTH) < 4 * found.standard_error).all()
+    assert (np.abs(found.values - TRUTH) < 4 * found.standard_errors).all()
 
 
 @pytest.mark.parametrize(("unknown", "lost"), [
@@ -84,7 +84,7 @@ def test_noise_of_the_signal_shifts_no_gain_and_intervals_hold_the_truth() -> No
         data = scale_gains(twin.recorded(seed, n=1, noise=5.0), {1: gain})
         found, gains = fit_of(twin.robot, data)
         shift.append((gains[1].value - gain) / gains[1].standard_error)
-        held += (np.abs(found.p - twin.truth) <= found.half_width()).tolist()
+        held += (np.abs(found.values - twin.truth) <= found.half_width()).tolist()
     assert np.mean(held) >= 0.9
     assert np.abs(shift).max() < 3.5
     assert abs(np.mean(shift)) < 3.0 / np.sqrt(len(shift))
@@ -96,8 +96,8 @@ def test_parameters_do_not_depend_on_the_unit_of_an_unknown_gain(factor: float) 
     robot = arm(**NO_ROTORS)
     data = two_axes(robot, TRUTH, n=1)
     one, other = (fit_of(robot, scale_gains(data, {1: g}))[0] for g in (1.0, factor))
-    assert other.p == pytest.approx(one.p, rel=1e-6)
-    assert other.standard_error == pytest.approx(one.standard_error, rel=1e-4)
+    assert other.values == pytest.approx(one.values, rel=1e-6)
+    assert other.standard_errors == pytest.approx(one.standard_errors, rel=1e-4)
 
 
 def test_recordings_that_disagree_on_which_gain_is_unknown_are_refused() -> None:

@@ -124,5 +124,5 @@ def test_a_model_is_the_same_where_a_joint_without_velocity_is_recorded_beside_o
         return qd
 
     estimate = fit_free_motions(arm(), add_velocity(second_alone, of_position=1e-4))
-    assert np.isfinite(estimate.p).all()
-    np.testing.assert_allclose(estimate.p, TRUTH, atol=0.1)
+    assert np.isfinite(estimate.values).all()
+    np.testing.assert_allclose(estimate.values, TRUTH, atol=0.1)
