@@ -28,6 +28,7 @@ from hil.imports.instants import (
 )
 from hil.imports.row_count import BRIDGED, RowCount, repeats_before
 from hil.imports.tables import ROWS, SECONDS
+from hil.least_squares.standstill import increment
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -157,14 +158,21 @@ def timing_of(samples: Samples, segments: list[Integers], rate: float | None = N
 
 
 def _period(times: list[Array]) -> float:
-    """Return the median of mean periods; the median period itself if close to it."""
+    """Return the median of mean periods; the mean of the steps in the middle if close to it.
+
+    Rounding of equidistant stamps to a tick leaves steps of two neighbouring counts of ticks.
+    """
     means = np.concatenate(
         [(t[WINDOW::25] - t[:-WINDOW:25]) / WINDOW for t in times if len(t) > WINDOW]
         or [np.diff(t) for t in times]
     )
     mean = float(np.median(means))
-    middle = float(np.median(np.concatenate([np.diff(t) for t in times])))
-    return middle if abs(middle - mean) < 0.05 * mean else mean
+    steps = np.sort(np.concatenate([np.diff(t) for t in times]))
+    middle = float(steps[len(steps) // 2])
+    if abs(middle - mean) >= 0.05 * mean:
+        return mean
+    tick = min(increment(steps), middle / 2)
+    return float(np.mean(steps[np.abs(steps - middle) <= 1.5 * tick]))
 
 
 def _refined(times: list[Array], period: float) -> float:
