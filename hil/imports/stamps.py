@@ -31,7 +31,7 @@ from hil.imports.tables import ROWS, SECONDS
 from hil.least_squares.standstill import increment
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator
+    from collections.abc import Iterator, Sequence
 
     from hil.arrays import Array, Integers
     from hil.imports.samples import Samples
@@ -155,6 +155,16 @@ def timing_of(samples: Samples, segments: list[Integers], rate: float | None = N
     counts.bridged = sum(stretch.bridged for stretch in stretches)
     longest = max(stretches, key=lambda stretch: len(stretch.rows))
     return Timing(stretches, longest.period, instants, counts)
+
+
+def even_rate(samples: Samples, segments: Sequence[Integers]) -> float | None:
+    """Return the rate of equidistant stamps [Hz], which may be a count of rows; None for others."""
+    times = [samples.time[rows] for rows in segments if len(rows) > 1]
+    if not times or not np.isfinite(np.concatenate(times)).all():
+        return None
+    period = _period(times)
+    even = all(np.all(np.abs(np.diff(t) - period) < EVEN * period) for t in times)
+    return 1.0 / period if even else None
 
 
 def _period(times: list[Array]) -> float:
