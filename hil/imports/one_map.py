@@ -189,11 +189,12 @@ def _lost_rows(
     first = {int(rows[0]) for rows in segments}
     begins = [int(rows[0]) for rows in parts if int(rows[0]) not in first]
     if begins:
+        times = f", and {len(begins)} times in all" if len(begins) > 1 else ""
         yield Suspicion(
             "spikes",
             at,
-            f"positions jump from row {begins[0]} to {begins[0] + 1}, and {len(begins)} times in "
-            "all: rows are missing there, and a count does not show how many; the parts are taken "
+            f"positions jump from row {begins[0]} to {begins[0] + 1}{times}: rows are missing "
+            "there, and a count does not show how many; the parts are taken "
             f"as separate motions; {record}, or state the parts as rows",
             certain=False,
             first=True,

@@ -132,6 +132,9 @@ def split_at_jumps(samples: Samples, segments: Sequence[Integers]) -> list[Integ
             at = np.flatnonzero(step[2:-2] > FAR * around)
             # increments of an encoder, or of significant digits, are no jumps
             at = at[step[at + 2] > FARTHER * increments(x, at + 2)] if len(at) else at
+            # neither is a change of steps that is ordinary in the motion, as where it begins
+            bend = np.quantile(np.abs(np.diff(x, 2)), 1 - RARE) if len(at) else 0.0
+            at = at[step[at + 2] > FAR * bend]
             far[at + 2] += 1
             farther[at + 2] |= step[at + 2] > FARTHER * around[at]
         jumps = np.flatnonzero(farther & (far >= min(joints, 2)))
