@@ -26,7 +26,7 @@ from hil.imports.segments import (
     pieces_of,
     split_at_jumps,
 )
-from hil.imports.spikes import spike_suspicions
+from hil.imports.spikes import jump_suspicions, spike_suspicions
 from hil.imports.stamps import WrongStamps, even_rate, timing_of
 from hil.imports.statement import Statement, explanation
 from hil.planning.free_motion import FreeMotion
@@ -141,6 +141,7 @@ def interpret(
     timing.counts.at_rate = count
     timing.counts.rows += count.surplus
     spikes = list(spike_suspicions(samples, timing.stretches, robot))
+    spikes += jump_suspicions(samples, timing.stretches, robot)
     spikes += clipped_positions(samples, timing.stretches, robot)
     _refuse(the_map, spikes)
     numbered = numbered_pieces(the_map, samples, timing)

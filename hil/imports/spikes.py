@@ -23,6 +23,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from hil.imports.evidence import Suspicion
+from hil.imports.segments import FARTHER, jumps_of
 from hil.imports.tables import ROWS
 from hil.least_squares.standstill import CARRIED, extent, increment, moving
 
@@ -98,6 +99,42 @@ def spike_suspicions(
             f"{units[kind]} in row {spikes.first - samples.begins[file] + 1} of its file: "
             f"{100 * share:.2g} % of the sum of squares of all "
             f"{'accelerations' if kind == 0 else 'values'}; remove these rows, or choose others",
+            certain=share > REFUSED,
+        )
+
+
+def jump_suspicions(
+    samples: Samples, stretches: Sequence[Stretch], robot: Robot
+) -> Iterator[Suspicion]:
+    """Yield suspicions of joints whose position jumps, unlike a motion, and stays there."""
+    found: dict[int, list[tuple[int, float]]] = {}
+    bends = np.zeros(samples.n_joints)
+    for stretch in stretches:
+        for begin in range(0, len(stretch.rows), ROWS):
+            part = slice(begin, begin + ROWS)
+            rows, instants = stretch.rows[part], stretch.instants[part]
+            q = samples.read(rows)[:, : samples.n_joints].clip(-GREATEST, GREATEST)
+            for joint, x in enumerate(q.T if len(q) > 2 * REACH else ()):
+                bends[joint] += float((np.diff(x, 2) ** 2).sum())
+                for row in jumps_of(x, instants, stretch.period).tolist():
+                    found.setdefault(joint, []).append((int(rows[row]), float(x[row + 1] - x[row])))
+    for joint, jumps in found.items():
+        # a jump bends twice; a joint at rest has no motion to compare with
+        alike = bends[robot.revolute == robot.revolute[joint]].max()
+        share = min(2 * sum(step**2 for _, step in jumps) / alike, 1.0)
+        if share < STATED:
+            continue
+        row, step = jumps[0]
+        file = int(np.searchsorted(samples.begins, row, side="right")) - 1
+        row -= samples.begins[file] - 1
+        times = f", and {len(jumps)} times in all" if len(jumps) > 1 else ""
+        yield Suspicion(
+            "spikes",
+            ("joints", joint, "position"),
+            f"jumps by {step:.4g} {robot.position_unit(joint)} from row {row} to {row + 1} of its "
+            f"file{times}, by more than {FARTHER:g} of its ordinary steps: an encoder lost counts, "
+            "or rows of two recordings are joined; choose rows on one side, or for joined "
+            "recordings state both sides as rows",
             certain=share > REFUSED,
         )
 

@@ -14,7 +14,7 @@ def imported(folder, kept, **columns):
     """Import some rows at a stated rate; return the statement."""
     write_csv(folder / "data.csv", {name: x[kept] for name, x in (COLUMNS | columns).items()})
     stated = []
-    the_map = write_map(folder, a_map(time={"rate": 100.0}))
+    the_map = write_map(folder, a_map(time={"rate": 100.0}, accept=["spikes"]))
     import_recordings([the_map], folder / "run", stated.append)
     return stated[0]
 

@@ -81,3 +81,29 @@ def test_what_an_encoder_at_rest_trembles_by_is_no_spike(tmp_path):
     columns = COLUMNS | {"q2": still, "v2": 0 * still}
     found = statement(tmp_path, columns, accept=["velocity", "shape", "friction"])
     assert not [each for each in found.suspicions if each.check == "spikes"]
+
+
+@pytest.mark.parametrize("late", [False, True], ids=["even", "late"])
+def test_a_jump_of_one_joint_is_named_with_its_row(tmp_path, late):
+    n = len(COLUMNS["t"])
+    columns = COLUMNS
+    if late:
+        columns = table(time=COLUMNS["t"] + np.random.default_rng(2).uniform(0, 0.004, n))
+    jumped = columns | {"q2": columns["q2"] - 0.8 * (np.arange(n) >= 1200)}
+    with pytest.raises(FileError) as refused:
+        statement(tmp_path, jumped)
+    (message,) = str(refused.value).splitlines()
+    assert "joints.1.position: jumps by -0." in message
+    assert "from row 1200 to 1201 of its file, by more than 10" in message
+    assert "accept: [spikes]" in message
+
+
+@pytest.mark.parametrize("gone", [0, 3])
+def test_steps_of_coarse_held_or_missing_rows_are_no_jumps(tmp_path, gone):
+    rows = np.arange(len(COLUMNS["t"]))
+    kept = np.delete(rows, 500 + np.arange(gone))
+    held = kept // 4 * 4
+    columns = {name: x[kept] for name, x in COLUMNS.items()}
+    columns |= {"q1": columns["q1"].round(1), "q2": COLUMNS["q2"][held]}
+    found = statement(tmp_path, columns, accept=["velocity", "shape", "still"])
+    assert not [each for each in found.suspicions if each.check == "spikes"]
