@@ -110,7 +110,7 @@ RNG = np.random.default_rng(3)
     ],
 )
 def test_nothing_is_found_in_a_sound_recording(tmp_path, columns):
-    _, stated = imported(tmp_path, ROWS, accept=["shape"], **columns)
+    _, stated = imported(tmp_path, ROWS, accept=["shape", "spikes"], **columns)
     counts = stated.timing.counts
     assert (counts.at_rate.surplus, counts.at_rate.missing) == (0, 0)
 

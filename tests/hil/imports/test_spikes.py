@@ -107,3 +107,29 @@ def test_steps_of_coarse_held_or_missing_rows_are_no_jumps(tmp_path, gone):
     columns |= {"q1": columns["q1"].round(1), "q2": COLUMNS["q2"][held]}
     found = statement(tmp_path, columns, accept=["velocity", "shape", "still"])
     assert not [each for each in found.suspicions if each.check == "spikes"]
+
+
+def counted(x, bits, increment):
+    """Return values in a register of whole counts, which overflows."""
+    half = 2 ** (bits - 1)
+    return ((np.round(x / increment) + half) % (2 * half) - half) * increment
+
+
+@pytest.mark.parametrize(("bits", "increment"), [(16, 0.0008), (12, 0.0125)])
+def test_a_torque_that_overflows_its_register_is_named(tmp_path, bits, increment):
+    noisy = COLUMNS["m1"] + np.random.default_rng(1).standard_normal(len(COLUMNS["t"]))
+    columns = COLUMNS | {"m1": counted(noisy, bits, increment)}
+    found = statement(tmp_path, columns, accept=["shape"]).suspicions
+    assert [s.check for s in found].count("spikes") == 1
+    assert f"jumps by some {2**bits * increment:.6g} N m and goes on" in found[0].message
+    assert found[0].first
+
+
+@pytest.mark.parametrize("noise", [0.0, 0.03])
+def test_a_torque_that_switches_between_limits_overflows_no_register(tmp_path, noise):
+    n = len(COLUMNS["t"])
+    switched = np.clip(40.0 * COLUMNS["m1"], -26.0, 26.0)
+    switched += noise * np.random.default_rng(1).standard_normal(n)
+    columns = COLUMNS | {"m1": counted(switched, 16, 0.0008)}
+    found = statement(tmp_path, columns, accept=["shape", "still", "velocity"]).suspicions
+    assert not [s for s in found if "overflows" in s.message]
