@@ -162,13 +162,23 @@ def overflow_of(x: Array) -> float | None:
     extent, steps = float(np.ptp(x)), np.abs(np.diff(x))
     jumps = steps > extent / 2
     stays = int(np.sum((x == x.min()) | (x == x.max())))
-    if np.count_nonzero(jumps) < max(JUMPS, stays) or not (least := increment(x)):
+    if np.count_nonzero(jumps) < max(JUMPS, stays) or not (width := range_of(x)):
         return None
-    count = 2.0 ** np.ceil(np.log2(np.rint(extent / least) + 1))
-    width = float(count * least)
     reached = width <= extent + 2 * float(np.median(steps))
     smooth = _roughness(unwrap(x, width)) <= LEAVES * _roughness(x)
-    return width if count >= 2 * LEAST and reached and smooth else None
+    return width if reached and smooth else None
+
+
+def range_of(x: Array) -> float | None:
+    """Return the range of the least register of whole bits whose increments a column has."""
+    x = x[np.isfinite(x)]
+    extent, least = float(np.ptp(x)) if len(x) else 0.0, increment(x) if len(x) else 0.0
+    if not least:
+        return None
+    counts = (x - x.min()) / extent * np.rint(extent / least)
+    count = 2.0 ** np.ceil(np.log2(counts.max() + 1))
+    whole = np.abs(counts - np.rint(counts)).max() < 0.1
+    return float(count * extent / counts.max()) if whole and count >= 2 * LEAST else None
 
 
 def unwrap(x: Array, turn: float) -> Array:
