@@ -44,6 +44,11 @@ def test_several_turns_are_stated_as_turns_and_not_refused(tmp_path):
     assert "look like" not in message
 
 
+def test_a_joint_without_range_may_turn_farther_than_its_bounds(tmp_path):
+    endless = PENDULUM.replace("3.1416", "12.566")
+    assert suspicions(tmp_path, *turning(), endless) == []
+
+
 def test_a_register_of_no_whole_turns_is_unwrapped_by_its_range(tmp_path):
     t, q, tau = turning(turns=8.0 * np.pi)
     counts = np.round(q / 25.0 * 65536) % 65536
