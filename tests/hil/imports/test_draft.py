@@ -350,6 +350,16 @@ def test_without_common_names_the_joints_of_a_robot_follow_the_file(tmp_path):
     assert second["position"]["column"] == "? number or name of the column of its positions"
 
 
+def test_days_of_matlab_are_a_unit_of_time(tmp_path):
+    columns = table(3.0)
+    columns["t"] = 739_900.0 + columns["t"] / 86400.0
+    write_csv(tmp_path / "data.csv", columns)
+    assert "unit: days # since 0: 200 Hz" in draft_map(tmp_path / "data.csv", "data.csv")
+    the_map = write_map(tmp_path, a_map(time={"column": "t", "unit": "days"}))
+    run = import_recordings([the_map], tmp_path / "run")
+    np.testing.assert_allclose(np.diff(run["map-01"].recording.time), 0.005, atol=2e-5)
+
+
 FILETIME, NET = 134_405_096_191_230_000, 639_000_000_000_000_000
 
 
