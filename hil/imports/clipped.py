@@ -124,14 +124,16 @@ class _Corners:
         for bound, plateaus in self._plateaus.items():
             edges = np.flatnonzero(np.diff(_equal(x, bound).astype(np.int8), prepend=0, append=0))
             for begin, end in edges.reshape(-1, 2).tolist():
-                if end - begin < PLATEAU or begin < 2 or end > len(x) - 2:
+                if end - begin < PLATEAU:
+                    continue
+                smooth[max(begin - 1, 0) : end + 1] = False
+                if begin < 2 or end > len(x) - 2:  # cut by the end of the part
                     continue
                 # the bound is reached between two samples, which share the corner
                 sides = slice(begin - 1, begin + 1), slice(end - 1, end + 1)
                 corner = min(float(bend[side].max()) for side in sides)
                 steps = abs(x[begin - 1] - x[begin - 2]) + abs(x[end + 1] - x[end])
                 plateaus.append((corner, float(steps), end - begin))
-                smooth[begin - 1 : end + 1] = False
         self._ordinary = max(self._ordinary, float(bend[smooth].max(initial=0.0)))
 
     @property

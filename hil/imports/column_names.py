@@ -3,12 +3,8 @@
 from __future__ import annotations
 
 import re
-from typing import TYPE_CHECKING
 
 from hil.imports.tables import SPELLINGS
-
-if TYPE_CHECKING:
-    from collections.abc import Sequence
 
 _LAST_UNIT = re.compile(
     r"[\[(]\s*([^\])\d\s][^\])]*?)\s*[\])]\s*$|_(rad|deg|mm|m|nm|a|v|rpm)$", re.I
@@ -24,7 +20,7 @@ _WORDS = {
     },
     "torque": {
         *("torque", "torques", "tau", "effort", "eff", "current", "currents", "curr", "cur"),
-        *("force", "i", "u", "f", "tq", "voltage", "moment", "drehmoment", "strom", "qfrc"),
+        *("force", "i", "iq", "u", "f", "tq", "voltage", "moment", "drehmoment", "strom", "qfrc"),
     },
 }
 """Words in the names of columns, by kind."""
@@ -65,19 +61,21 @@ def meaning_of(name: str, *, rises: bool) -> tuple[str, list[str]]:
     words = words_of(rest)
     if "state" in words and words[-1] in _STATE and words[-2].isdigit():
         return _STATE[words[-1]], words[:-1]
-    kind, word = _kind(words, unit, rises=rises)
+    kind, word = _kind(rest, unit, rises=rises)
     kind = OTHER if (_SET_POINTS | _TIMES).intersection(words) else kind
     if word == "qfrc" and _PARTS_OF_TORQUE.intersection(words):
         kind = ""
     return kind, [each for each in words if each not in {word, *_FILLERS}]
 
 
-def _kind(words: Sequence[str], unit: str, *, rises: bool) -> tuple[str, str]:
+def _kind(rest: str, unit: str, *, rises: bool) -> tuple[str, str]:
     """Return the kind of a column by a word of the name, the unit, or a plain joint name."""
-    for key, known in _WORDS.items():
-        for word in words:
-            if word in known:
-                return key, word
+    words = words_of(rest)
+    for part in (words_of(rest.rpartition(".")[2]), words):  # of nested names the last part
+        for key, known in _WORDS.items():
+            for word in part:
+                if word in known:
+                    return key, word
     if unit:
         return next((key for key in _WORDS if _plain(unit) in SPELLINGS[key]), ""), ""
     if "state" in words:  # of observations in data sets for learning

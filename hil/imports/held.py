@@ -34,6 +34,8 @@ SHARE = 0.2
 
 Below this share, the mean delay of a column is less than a tenth of a sample.
 """
+RARE = 0.05
+"""Maximum share of moving rows at a bound: one in twenty is harmless, as with uneven rows."""
 _HELD = 0.9
 """Minimum share of isolated steps for held values; a recorder is sometimes late."""
 SLOW = 0.05
@@ -103,6 +105,21 @@ def repeats(columns: Sequence[Array], moving: Mask) -> float:
         return 0.0
     finest = increment(np.concatenate(columns))
     return share if share > OFTENER * min(finest / float(np.median(changes)), 1.0) else 0.0
+
+
+def saturated(columns: Sequence[Array], moving: Mask) -> dict[float, float]:
+    """Return the bounds at which a column stays, with their shares of fast motion.
+
+    The column repeats its least or greatest value, unless 0, more often than it repeats others.
+    Parameters are those of `repeats`.
+    """
+    repeated = np.concatenate([np.diff(x) == 0 for x in columns])[moving]
+    kept = np.concatenate([x[1:] for x in columns])[moving][repeated]
+    bounds = {float(min(map(np.min, columns))), float(max(map(np.max, columns)))} - {0.0}
+    shares = {bound: int(np.sum(kept == bound)) / len(repeated) for bound in bounds}
+    found = {bound: share for bound, share in sorted(shares.items()) if share > RARE}
+    others = len(kept) / len(repeated) - sum(found.values()) if found else 0.0
+    return found if sum(found.values()) > OFTENER * others else {}
 
 
 def measured(samples: Samples, rows: Integers, held: int) -> Integers:

@@ -18,6 +18,7 @@ from hil.estimation.excluded.causes import CAUSES
 from hil.imports.evidence import Suspicion
 from hil.model.drive_train_file import USUAL_BOUND
 from hil.model.frames import ROUNDED_OFF
+from hil.model.readers.limits import FARTHEST
 from hil.runs.recording import CHANCE
 
 if TYPE_CHECKING:
@@ -322,7 +323,9 @@ def range_suspicions(
         unit, q = robot.position_unit(joint), evidence.q[:, joint]
         low, high = float(robot.q_min[joint]), float(robot.q_max[joint])
         excess = max(float(q.max()) - high, low - float(q.min()))
-        if excess > _usual_zero(robot, joint):
+        # the bounds of a joint without range are no claim of its range
+        zero = 2.0 * (high - low) if high == -low == FARTHEST else _usual_zero(robot, joint)
+        if excess > zero:
             # refused beyond two ranges: a whole turn of offset exceeds a joint's range of half a
             # turn by two ranges, degrees for radians exceed a range 57 times
             far = excess > 2.0 * (high - low)

@@ -26,8 +26,8 @@ from hil.imports.segments import (
     pieces_of,
     split_at_jumps,
 )
-from hil.imports.spikes import spike_suspicions
-from hil.imports.stamps import WrongStamps, timing_of
+from hil.imports.spikes import jump_suspicions, spike_suspicions
+from hil.imports.stamps import WrongStamps, even_rate, timing_of
 from hil.imports.statement import Statement, explanation
 from hil.planning.free_motion import FreeMotion
 from hil.runs.recording import IDLE, Recording
@@ -128,17 +128,20 @@ def interpret(
     _refuse_without_numbers(the_map, samples)
     segments = chosen_rows(the_map, samples)
     lost, count = [], RowCount()
-    if the_map.content.time is not None and (rate := the_map.content.time.rate) is not None:
+    stated = the_map.content.time.rate if the_map.content.time else None
+    if (rate := stated or even_rate(samples, segments)) is not None:
         samples, segments, count = recounted(samples, segments, rate)
         parts = split_at_jumps(samples, segments)
-        lost = list(_lost_rows(segments, parts, count))
+        lost = list(_lost_rows(segments, parts, count, stamped=stated is None))
         segments = parts
     mixed = list(source_suspicions(samples, segments))
     _refuse(the_map, mixed)
-    timing = _timing(the_map, samples, segments)
+    found_rows = count.missing or count.surplus
+    timing = _timing(the_map, samples, segments, rate if found_rows else stated)
     timing.counts.at_rate = count
     timing.counts.rows += count.surplus
     spikes = list(spike_suspicions(samples, timing.stretches, robot))
+    spikes += jump_suspicions(samples, timing.stretches, robot)
     spikes += clipped_positions(samples, timing.stretches, robot)
     _refuse(the_map, spikes)
     numbered = numbered_pieces(the_map, samples, timing)
@@ -167,28 +170,33 @@ def interpret(
 
 
 def _lost_rows(
-    segments: list[Integers], parts: list[Integers], count: RowCount
+    segments: list[Integers], parts: list[Integers], count: RowCount, *, stamped: bool
 ) -> Iterator[Suspicion]:
-    """Yield suspicions of rows missing in a recording without stamps."""
+    """Yield suspicions of rows missing in a recording at a stated rate or with even stamps."""
+    at: Location = ("time",) if stamped else ("time", "rate")
+    record = "record stamps"
+    if stamped:
+        record = "the stamps only count the rows: record those of the samples"
     if count.missing:
         yield Suspicion(
             "spikes",
-            ("time", "rate"),
+            at,
             f"{count.missing} rows are missing, the first after row {count.first_missing}: the step"
             " of all moving joints is a multiple of those around it; their time is inserted, but"
-            " rows missing close to reversals are not seen; record stamps",
+            f" rows missing close to reversals are not seen; {record}",
             certain=False,
             first=True,
         )
     first = {int(rows[0]) for rows in segments}
     begins = [int(rows[0]) for rows in parts if int(rows[0]) not in first]
     if begins:
+        times = f", and {len(begins)} times in all" if len(begins) > 1 else ""
         yield Suspicion(
             "spikes",
-            ("time", "rate"),
-            f"positions jump from row {begins[0]} to {begins[0] + 1}, and {len(begins)} times in "
-            "all: rows are missing there, and a rate does not show how many; the parts are taken "
-            "as separate motions; record stamps, or state the parts as rows",
+            at,
+            f"positions jump from row {begins[0]} to {begins[0] + 1}{times}: rows are missing "
+            "there, and a count does not show how many; the parts are taken "
+            f"as separate motions; {record}, or state the parts as rows",
             certain=False,
             first=True,
         )
@@ -203,13 +211,16 @@ def _refuse(the_map: MapFile, found: Sequence[Suspicion]) -> None:
         raise FileError("\n".join(map(str, lines)))
 
 
-def _timing(the_map: MapFile, samples: Samples, segments: list[Integers]) -> Timing:
-    stated = the_map.content.time
+def _timing(
+    the_map: MapFile, samples: Samples, segments: list[Integers], rate: float | None
+) -> Timing:
     try:
-        return timing_of(samples, segments, stated.rate if stated else None)
+        return timing_of(samples, segments, rate)
     except WrongStamps as error:
         lacking = "".join(f"; {each}" for each in _lacking(the_map, samples))
-        raise the_map.wrong(("time",) if stated else (), f"{error}{lacking}") from error
+        raise the_map.wrong(
+            ("time",) if the_map.content.time else (), f"{error}{lacking}"
+        ) from error
 
 
 def _refuse_without_numbers(the_map: MapFile, samples: Samples) -> None:

@@ -17,7 +17,7 @@ from hil.estimation.free_motion.motion import BANDS, ORDER
 from hil.estimation.free_motion.settings import bandwidth, cut_off_of, floor, spectrum
 from hil.imports.clock import clock_suspicions
 from hil.imports.evidence import Suspicion
-from hil.imports.held import fast_steps, repeats
+from hil.imports.held import fast_steps, repeats, saturated
 from hil.imports.mechanics import mechanical_suspicions
 from hil.imports.misread import (
     compared,
@@ -161,6 +161,19 @@ def _held(excerpts: Sequence[Excerpt], evidence: Evidence) -> Iterator[Suspicion
     """Yield suspicions of columns that repeat the previous row while the joint moves."""
     for joint in np.flatnonzero(evidence.moves).tolist():
         moving = fast_steps([each.q[:, joint] for each in excerpts])
+        torques = [each.tau[:, joint] for each in excerpts]
+        if bounds := saturated(torques, moving):
+            yield Suspicion(
+                "still",
+                ("joints", joint, "torque"),
+                f"is exactly {' or '.join(f'{bound:.6g}' for bound in bounds)} in "
+                f"{100 * sum(bounds.values()):.0f} % of the rows in which joint {joint + 1} moves, "
+                "and never beyond: saturated by a limit of the drive, a filter or the recorder; "
+                "raise this limit, record slower motion, or choose rows without these",
+                certain=False,
+                first=True,
+            )
+            continue
         for key, name in (("position", "q"), ("velocity", "qd"), ("torque", "tau")):
             if share := repeats([getattr(each, name)[:, joint] for each in excerpts], moving):
                 yield Suspicion(

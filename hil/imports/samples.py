@@ -14,7 +14,7 @@ import numpy as np
 from checked_files.yaml_file import FileError
 from hil.imports.column_names import is_time
 from hil.imports.readers import open_table
-from hil.imports.signs import coding_of, could_lack_signs, register_turn, turn_of, unwrap
+from hil.imports.signs import coding_of, could_lack_signs, range_of, register_turn, turn_of, unwrap
 from hil.imports.tables import SECONDS, NoColumn, column_of, units_of_date
 from hil.imports.to_si import EPOCH, Conversion
 
@@ -281,13 +281,16 @@ def _restore_turns(values: Array, conversion: Conversion, jumping: Mask) -> Iter
         rounding = np.abs(np.nan_to_num(recorded - rounded)).max(initial=0.0)
         counts = rounded if rounding < WHOLE else recorded
         turn = turn_of(counts, [*own, register_turn(counts) or own[0]])
+        register = None if turn else range_of(counts)
+        turn = turn or (turn_of(counts, [register]) if register else None)
         # `Samples.read` removes whole turns of joints
         if turn is None or np.isclose(np.abs(turn * positions.matrix[joint]).max(), 2 * np.pi):
             continue
         positions.add(values, joint, unwrap(counts, turn) - recorded)
         yield (
-            f"positions of joint {joint + 1} are unwrapped by {turn:.6g} of their unit, one turn of"
-            " the encoder: the motion goes on only in this reading"
+            f"positions of joint {joint + 1} are unwrapped by {turn:.6g} of their unit, "
+            f"{'the range of a register' if register else 'one turn of the encoder'}: the motion "
+            "goes on only in this reading"
         )
 
 

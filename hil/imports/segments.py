@@ -126,17 +126,43 @@ def split_at_jumps(samples: Samples, segments: Sequence[Integers]) -> list[Integ
         far, farther = np.zeros(size, dtype=np.intp), np.zeros(size, dtype=bool)
         for x in q.T:
             step = np.abs(np.diff(x))
-            # two steps on either side, since rows may repeat
-            around = np.max([step[:-4], step[1:-3], step[3:-1], step[4:]], axis=0)
             joints += bool(step.any())
-            at = np.flatnonzero(step[2:-2] > FAR * around)
-            # increments of an encoder, or of significant digits, are no jumps
-            at = at[step[at + 2] > FARTHER * increments(x, at + 2)] if len(at) else at
-            far[at + 2] += 1
-            farther[at + 2] |= step[at + 2] > FARTHER * around[at]
+            at, around = _far(x, step)
+            far[at] += 1
+            farther[at] |= step[at] > FARTHER * around
         jumps = np.flatnonzero(farther & (far >= min(joints, 2)))
         found += np.split(rows, jumps + 1) if len(jumps) < RARE * len(rows) else [rows]
     return found
+
+
+def _far(x: Array, pace: Array) -> tuple[Integers, Array]:
+    """Return steps that are `FAR` beyond those around, and those, at the pace of a period."""
+    # two steps on either side, since rows may repeat
+    around = np.max([pace[:-4], pace[1:-3], pace[3:-1], pace[4:]], axis=0)
+    at = np.flatnonzero(pace[2:-2] > FAR * around)
+    if len(at):
+        step = np.abs(np.diff(x))
+        # increments of an encoder, or of significant digits, are no jumps; neither is a change of
+        # steps that is ordinary in the motion, as where it begins
+        ordinary = np.maximum(
+            FARTHER * increments(x, at + 2),
+            FAR * np.quantile(np.abs(np.diff(step)), 1 - RARE),
+        )
+        at = at[step[at + 2] > ordinary]
+    return at + 2, around[at]
+
+
+def jumps_of(x: Array, instants: Array, period: float) -> Integers:
+    """Return the rows before jumps of a joint that no motion explains, from 0.
+
+    A jump is `FARTHER` than the steps around it, and than ordinary steps of the moving joint; where
+    samples are missing, steps count at the pace of a period.
+    """
+    pace = np.abs(np.diff(x)) * period / np.maximum(np.diff(instants), period)
+    at, around = _far(x, pace)
+    at = at[pace[at] > FARTHER * around]
+    usual = FARTHER * np.quantile(pace[pace > 0], 1 - RARE) if len(at) else 0.0
+    return np.asarray(at[pace[at] > usual])
 
 
 def _split_files(samples: Samples, rows: Integers, *, stamped: bool) -> list[Integers]:

@@ -17,6 +17,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from hil.least_squares.standstill import increment
+
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
@@ -149,6 +151,34 @@ def register_turn(x: Array) -> float | None:
     least, most = float(x.min()), float(x.max()) + 1.0
     count = most if least >= 0 else 2 * max(-least, most)
     return float(2.0 ** np.ceil(np.log2(count))) if count >= 2 * LEAST else None
+
+
+def overflow_of(x: Array) -> float | None:
+    """Return the range of a register that overflows, in the unit of a column; else None.
+
+    Values reach both ends of whole bits of their increment within an ordinary step, and go on from
+    the other end; at a limit they would stay.
+    """
+    extent, steps = float(np.ptp(x)), np.abs(np.diff(x))
+    jumps = steps > extent / 2
+    stays = int(np.sum((x == x.min()) | (x == x.max())))
+    if np.count_nonzero(jumps) < max(JUMPS, stays) or not (width := range_of(x)):
+        return None
+    reached = width <= extent + 2 * float(np.median(steps))
+    smooth = _roughness(unwrap(x, width)) <= LEAVES * _roughness(x)
+    return width if reached and smooth else None
+
+
+def range_of(x: Array) -> float | None:
+    """Return the range of the least register of whole bits whose increments a column has."""
+    x = x[np.isfinite(x)]
+    extent, least = float(np.ptp(x)) if len(x) else 0.0, increment(x) if len(x) else 0.0
+    if not least:
+        return None
+    counts = (x - x.min()) / extent * np.rint(extent / least)
+    count = 2.0 ** np.ceil(np.log2(counts.max() + 1))
+    whole = np.abs(counts - np.rint(counts)).max() < 0.1
+    return float(count * extent / counts.max()) if whole and count >= 2 * LEAST else None
 
 
 def unwrap(x: Array, turn: float) -> Array:

@@ -23,6 +23,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from hil.imports.evidence import Suspicion
+from hil.imports.segments import FARTHER, jumps_of
+from hil.imports.signs import overflow_of
 from hil.imports.tables import ROWS
 from hil.least_squares.standstill import CARRIED, extent, increment, moving
 
@@ -69,6 +71,18 @@ def spike_suspicions(
 ) -> Iterator[Suspicion]:
     """Yield suspicions of columns with spikes, with their count and first row."""
     n = robot.n_joints
+    overflows = dict(_overflows(samples, stretches))
+    for column, width in overflows.items():
+        kind, joint = divmod(column, n)
+        yield Suspicion(
+            "spikes",
+            ("joints", joint, ("position", "torque", "velocity")[kind]),
+            f"jumps by some {width:.6g} {_units(robot, joint)[kind]} and goes on from the other "
+            "end: a register of this range overflows; record a wider register, or add its range "
+            "from each jump to the next one back",
+            certain=False,
+            first=True,
+        )
     if not any(out.any() for *_, (_, out) in _columns(samples, stretches)):
         return
     found = [_Spikes() for _ in range(3 * n)]
@@ -76,6 +90,8 @@ def spike_suspicions(
         _add(found[column], rows, x, excursion, out, position=column < n)
     moves = _moving(samples, stretches)
     for column, spikes in enumerate(found):
+        if column in overflows:
+            continue
         kind, joint = divmod(column, n)
         alike = found[kind * n : (kind + 1) * n]
         all_else = spikes.of_all
@@ -86,8 +102,6 @@ def spike_suspicions(
         # noise of joints at rest is small compared with the motion of other joints
         if share < STATED or spikes.farthest < CARRIED * max(each.width for each in alike):
             continue
-        unit = robot.position_unit(joint)
-        units = (unit, "N m" if unit == "rad" else "N", f"{unit}/s")
         value = float(samples.values[spikes.first, column])
         file = int(np.searchsorted(samples.begins, spikes.first, side="right")) - 1
         many = "samples differ" if spikes.count > 1 else "sample differs"
@@ -95,9 +109,60 @@ def spike_suspicions(
             "spikes",
             ("joints", joint, ("position", "torque", "velocity")[kind]),
             f"{spikes.count} {many} from neighbouring samples, the first with {value:.4g} "
-            f"{units[kind]} in row {spikes.first - samples.begins[file] + 1} of its file: "
-            f"{100 * share:.2g} % of the sum of squares of all "
+            f"{_units(robot, joint)[kind]} in row {spikes.first - samples.begins[file] + 1} of its "
+            f"file: {100 * share:.2g} % of the sum of squares of all "
             f"{'accelerations' if kind == 0 else 'values'}; remove these rows, or choose others",
+            certain=share > REFUSED,
+        )
+
+
+def _units(robot: Robot, joint: int) -> tuple[str, str, str]:
+    """Return the units of position, torque and velocity."""
+    unit = robot.position_unit(joint)
+    return unit, "N m" if unit == "rad" else "N", f"{unit}/s"
+
+
+def _overflows(samples: Samples, stretches: Sequence[Stretch]) -> Iterator[tuple[int, float]]:
+    """Yield columns of torques and velocities that overflow, and the ranges of their registers."""
+    longest = max(stretches, key=lambda stretch: len(stretch.rows)).rows[:ROWS]
+    for column in range(samples.n_joints, samples.values.shape[1]):
+        x = samples.values[longest, column].clip(-GREATEST, GREATEST)
+        if np.isfinite(x).all() and (width := overflow_of(x)):
+            yield column, width
+
+
+def jump_suspicions(
+    samples: Samples, stretches: Sequence[Stretch], robot: Robot
+) -> Iterator[Suspicion]:
+    """Yield suspicions of joints whose position jumps, unlike a motion, and stays there."""
+    found: dict[int, list[tuple[int, float]]] = {}
+    bends = np.zeros(samples.n_joints)
+    for stretch in stretches:
+        for begin in range(0, len(stretch.rows), ROWS):
+            part = slice(begin, begin + ROWS)
+            rows, instants = stretch.rows[part], stretch.instants[part]
+            q = samples.read(rows)[:, : samples.n_joints].clip(-GREATEST, GREATEST)
+            for joint, x in enumerate(q.T if len(q) > 2 * REACH else ()):
+                bends[joint] += float((np.diff(x, 2) ** 2).sum())
+                for row in jumps_of(x, instants, stretch.period).tolist():
+                    found.setdefault(joint, []).append((int(rows[row]), float(x[row + 1] - x[row])))
+    for joint, jumps in found.items():
+        # a jump bends twice; a joint at rest has no motion to compare with
+        alike = bends[robot.revolute == robot.revolute[joint]].max()
+        share = min(2 * sum(step**2 for _, step in jumps) / alike, 1.0)
+        if share < STATED:
+            continue
+        row, step = jumps[0]
+        file = int(np.searchsorted(samples.begins, row, side="right")) - 1
+        row -= samples.begins[file] - 1
+        times = f", and {len(jumps)} times in all" if len(jumps) > 1 else ""
+        yield Suspicion(
+            "spikes",
+            ("joints", joint, "position"),
+            f"jumps by {step:.4g} {robot.position_unit(joint)} from row {row} to {row + 1} of its "
+            f"file{times}, by more than {FARTHER:g} of its ordinary steps: an encoder lost counts, "
+            "or rows of two recordings are joined; choose rows on one side, or for joined "
+            "recordings state both sides as rows",
             certain=share > REFUSED,
         )
 

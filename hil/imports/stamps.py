@@ -28,9 +28,10 @@ from hil.imports.instants import (
 )
 from hil.imports.row_count import BRIDGED, RowCount, repeats_before
 from hil.imports.tables import ROWS, SECONDS
+from hil.least_squares.standstill import increment
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator
+    from collections.abc import Iterator, Sequence
 
     from hil.arrays import Array, Integers
     from hil.imports.samples import Samples
@@ -156,15 +157,32 @@ def timing_of(samples: Samples, segments: list[Integers], rate: float | None = N
     return Timing(stretches, longest.period, instants, counts)
 
 
+def even_rate(samples: Samples, segments: Sequence[Integers]) -> float | None:
+    """Return the rate of equidistant stamps [Hz], which may be a count of rows; None for others."""
+    times = [samples.time[rows] for rows in segments if len(rows) > 1]
+    if not times or not np.isfinite(np.concatenate(times)).all():
+        return None
+    period = _period(times)
+    even = all(np.all(np.abs(np.diff(t) - period) < EVEN * period) for t in times)
+    return 1.0 / period if even else None
+
+
 def _period(times: list[Array]) -> float:
-    """Return the median of mean periods; the median period itself if close to it."""
+    """Return the median of mean periods; the mean of the steps in the middle if close to it.
+
+    Rounding of equidistant stamps to a tick leaves steps of two neighbouring counts of ticks.
+    """
     means = np.concatenate(
         [(t[WINDOW::25] - t[:-WINDOW:25]) / WINDOW for t in times if len(t) > WINDOW]
         or [np.diff(t) for t in times]
     )
     mean = float(np.median(means))
-    middle = float(np.median(np.concatenate([np.diff(t) for t in times])))
-    return middle if abs(middle - mean) < 0.05 * mean else mean
+    steps = np.sort(np.concatenate([np.diff(t) for t in times]))
+    middle = float(steps[len(steps) // 2])
+    if abs(middle - mean) >= 0.05 * mean:
+        return mean
+    tick = min(increment(steps), middle / 2)
+    return float(np.mean(steps[np.abs(steps - middle) <= 1.5 * tick]))
 
 
 def _refined(times: list[Array], period: float) -> float:

@@ -162,8 +162,8 @@ class Statement:
         """Doubts with the line of the map and the remedy."""
         return tuple(
             f"{self.the_map.wrong(s.location, s.message)};"
-            f" {FIRST if s.first else 'correct the map'}, or write accept: [{s.check}] there if"
-            " this is correct, and import again"
+            f" {FIRST if s.first else 'correct the map'}, or write accept: [{s.check}] at the"
+            " top level of the map if this is correct, and import again"
             for s in self.doubts
         )
 

@@ -28,21 +28,23 @@ ROWS = 1 << 16
 """Approximate number of rows of a block."""
 _SHOWN, _LISTED = 12, 4
 """Maximum numbers of column names, and of left-out parts of a file, in a message."""
-TimeUnit = Literal["s", "ms", "us", "100 ns", "ns", "min"]
+TimeUnit = Literal["s", "ms", "us", "100 ns", "ns", "min", "days"]
 PositionUnit = Literal["rad", "deg", "turns", "rev", "m", "mm", "counts"]
 VelocityUnit = Literal["rad/s", "deg/s", "turns/s", "rev/s", "rpm", "m/s", "mm/s", "counts/s"]
 TorqueUnit = Literal["N m", "N", "A", "V", "%", "per mille"]
 
 SECONDS: dict[TimeUnit, float] = {
     "s": 1.0, "ms": 1e-3, "us": 1e-6, "100 ns": 1e-7, "ns": 1e-9, "min": 60.0,
+    "days": 86400.0,
 }  # fmt: skip
 """Seconds per unit of time [s]."""
 _FROM_1970 = {1970: 0.0}
 _ORIGINS: dict[TimeUnit, dict[int, float]] = {
     **dict.fromkeys(("s", "ms", "us", "ns"), _FROM_1970),
     "100 ns": {1601: 11_644_473_600.0, 1: 62_135_596_800.0},
+    "days": {0: 719_529 * 86400.0},
 }
-"""Years from which dates are counted, with the seconds up to 1970: Unix, Windows, .NET."""
+"""Years from which dates are counted, with the seconds up to 1970: Unix, Windows, .NET, MATLAB."""
 _DATES = (9.4e8, 4.1e9)
 """Seconds since 1970 in 2000 and 2099."""
 STAMP_UNITS: tuple[TimeUnit, TimeUnit] = ("s", "ns")
@@ -68,6 +70,7 @@ SPELLINGS: dict[str, dict[str, str]] = {
         **dict.fromkeys(("us", "\u00b5s", "\u03bcs", "usec", "microseconds"), "us"),
         **dict.fromkeys(("ns", "nsec", "nanoseconds"), "ns"),
         "min": "min",
+        **dict.fromkeys(("day", "days", "datenum"), "days"),
     },
     "position": {
         **dict.fromkeys(("rad", "radian", "radians"), "rad"),

@@ -31,6 +31,18 @@ def test_clipped_positions_refuse_the_import_and_are_named(tmp_path, low, high):
     assert "joints.0.position: is clipped" not in found
 
 
+@pytest.mark.parametrize("backwards", [False, True])
+def test_a_clip_may_go_on_at_the_end_of_the_recording(tmp_path, backwards):
+    turn = 2 * np.pi * COLUMNS["t"] / 8.0
+    clipped = np.minimum(np.sin(turn) + 0.3 * np.sin(2 * turn), 1.02)  # arrives fast, leaves slowly
+    last = np.flatnonzero((clipped[:-1] < 1.02) & (clipped[1:] == 1.02))[-1] + 10
+    kept = clipped[: last + 1][::-1] if backwards else clipped[: last + 1]
+    columns = {name: x[: last + 1] for name, x in COLUMNS.items()}
+    write_csv(tmp_path / "data.csv", columns | {"q2": kept})
+    with pytest.raises(FileError, match=r"is clipped at 1\.02 rad"):
+        import_recordings([write_map(tmp_path, a_map())], tmp_path / "run")
+
+
 def test_a_clip_of_a_coarse_encoder_is_named(tmp_path):
     step = 1e-3
     assert suspicions(tmp_path, np.clip(step * np.round(Q[:, 1] / step), -0.9, 0.9))

@@ -34,6 +34,9 @@ def drafted(path):
         ("stamp", "position.shoulder", "position.elbow", "velocity.shoulder", "velocity.elbow",
          "torque.shoulder", "torque.elbow"),
         ("time", "qpos/1", "qpos/2", "qvel/1", "qvel/2", "qfrc_actuator/1", "qfrc_actuator/2"),
+        ("t", "axis0.pos_vel_mapper.pos_rel", "axis1.pos_vel_mapper.pos_rel",
+         "axis0.pos_vel_mapper.vel", "axis1.pos_vel_mapper.vel",
+         "axis0.motor.foc.Iq_measured", "axis1.motor.foc.Iq_measured"),
     ],
 )  # fmt: skip
 def test_columns_are_matched_to_joints_by_their_names(tmp_path, names):
@@ -49,7 +52,7 @@ def test_columns_are_matched_to_joints_by_their_names(tmp_path, names):
     ]  # fmt: skip
 
 
-@pytest.mark.parametrize("names", ["m1 m2", "M1 M2", "Iq_1 Iq_2", "Last1 Last2", "load[1] load[2]"])
+@pytest.mark.parametrize("names", ["m1 m2", "M1 M2", "Ia_1 Ia_2", "Last1 Last2", "load[1] load[2]"])
 def test_the_only_other_columns_with_the_joints_numbers_are_drafted_as_torques(tmp_path, names):
     columns = dict(
         zip(["t", "q1", "q2", "v1", "v2", *names.split()], table().values(), strict=True)
@@ -345,6 +348,16 @@ def test_without_common_names_the_joints_of_a_robot_follow_the_file(tmp_path):
     first, second = found["joints"]
     assert (first["position"]["column"], first["torque"]["column"]) == ("q1", "m1")
     assert second["position"]["column"] == "? number or name of the column of its positions"
+
+
+def test_days_of_matlab_are_a_unit_of_time(tmp_path):
+    columns = table(3.0)
+    columns["t"] = 739_900.0 + columns["t"] / 86400.0
+    write_csv(tmp_path / "data.csv", columns)
+    assert "unit: days # since 0: 200 Hz" in draft_map(tmp_path / "data.csv", "data.csv")
+    the_map = write_map(tmp_path, a_map(time={"column": "t", "unit": "days"}))
+    run = import_recordings([the_map], tmp_path / "run")
+    np.testing.assert_allclose(np.diff(run["map-01"].recording.time), 0.005, atol=2e-5)
 
 
 FILETIME, NET = 134_405_096_191_230_000, 639_000_000_000_000_000

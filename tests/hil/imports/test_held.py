@@ -121,3 +121,21 @@ def test_torques_in_coarse_steps_are_named_with_the_step_and_its_share(tmp_path)
         r"(49|50|51)% of the rms",
         stated,
     )
+
+
+@pytest.mark.parametrize("least", [-18.0, -90.0])
+def test_a_torque_at_its_limit_is_saturated_and_not_held(tmp_path, least):
+    columns = table(20.0, RATE)
+    limited = columns | {"m1": np.clip(columns["m1"], least, 18.0)}
+    _, stated = made(tmp_path, limited, accept=["shape"])
+    assert re.search(r"joints.0.torque: is exactly (-18 or )?18 in", stated)
+    assert "saturated by a limit" in stated
+    assert "held signal" not in stated
+
+
+@pytest.mark.parametrize("increment", [1e-9, 0.5, 5.0])
+def test_a_coarse_torque_is_not_saturated(tmp_path, increment):
+    columns = table(20.0, RATE)
+    coarse = {m: increment * np.round(columns[m] / increment) for m in ("m1", "m2")}
+    _, stated = made(tmp_path, columns | coarse, accept=["shape"])
+    assert "saturated" not in stated

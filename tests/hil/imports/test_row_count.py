@@ -64,6 +64,21 @@ def test_single_missing_rows_are_found_and_interpolated(tmp_path, share, digits)
     assert counts.bridged > 0.7 * gone.sum()
 
 
+def test_single_missing_rows_are_found_where_the_stamps_count_the_rows(tmp_path):
+    gone = some_rows(0.04)
+    gone[:10] = gone[-10:] = False
+    rows = ROWS[~gone]
+    columns = {k: x[rows] for k, x in COLUMNS.items()} | {"t": ROWS[: len(rows)] * 10.0}
+    write_csv(tmp_path / "data.csv", columns)
+    the_map, stated = write_map(tmp_path, a_map(time={"column": "t", "unit": "ms"})), []
+    import_recordings([the_map], tmp_path / "run", stated.append)
+    counts, said = stated[0].timing.counts, stated[0].suspicions[0]
+    assert 0.75 * gone.sum() < counts.at_rate.missing <= gone.sum()
+    assert said.message.startswith(f"{counts.at_rate.missing} rows are missing")
+    assert "stamps only count the rows" in said.message
+    assert said.first
+
+
 RNG = np.random.default_rng(3)
 
 
@@ -95,7 +110,7 @@ RNG = np.random.default_rng(3)
     ],
 )
 def test_nothing_is_found_in_a_sound_recording(tmp_path, columns):
-    _, stated = imported(tmp_path, ROWS, accept=["shape"], **columns)
+    _, stated = imported(tmp_path, ROWS, accept=["shape", "spikes"], **columns)
     counts = stated.timing.counts
     assert (counts.at_rate.surplus, counts.at_rate.missing) == (0, 0)
 

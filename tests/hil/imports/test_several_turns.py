@@ -44,6 +44,25 @@ def test_several_turns_are_stated_as_turns_and_not_refused(tmp_path):
     assert "look like" not in message
 
 
+def test_a_joint_without_range_may_turn_farther_than_its_bounds(tmp_path):
+    endless = PENDULUM.replace("3.1416", "12.566")
+    assert suspicions(tmp_path, *turning(), endless) == []
+
+
+def test_a_register_of_no_whole_turns_is_unwrapped_by_its_range(tmp_path):
+    t, q, tau = turning(turns=8.0 * np.pi)
+    counts = np.round(q / 25.0 * 65536) % 65536
+    write_csv(tmp_path / "data.csv", {"t": t, "q1": counts * 25.0 / 65536 - 12.5, "m1": tau})
+    the_map = write_map(tmp_path, a_map(joints=a_map()["joints"][:1], accept=["range", "shape"]))
+    (tmp_path / "pair.yaml").write_text(PENDULUM)
+    stated = []
+    run = import_recordings([the_map], tmp_path / "run", lambda s: stated.extend(s.lines()))
+    assert "unwrapped by 25 of their unit, the range of a register" in "\n".join(stated)
+    (recording,) = [each.recording for each in run]
+    moved = recording.q[:, 0] - recording.q[0, 0]
+    assert np.abs(moved - np.interp(recording.time, t, q - q[0])).max() < 1e-3
+
+
 def test_degrees_stated_as_radians_are_still_refused_as_such(tmp_path):
     t, q, tau = turning(turns=1.0)
     with pytest.raises(FileError, match=r"they look like positions in deg;"):

@@ -81,3 +81,55 @@ def test_what_an_encoder_at_rest_trembles_by_is_no_spike(tmp_path):
     columns = COLUMNS | {"q2": still, "v2": 0 * still}
     found = statement(tmp_path, columns, accept=["velocity", "shape", "friction"])
     assert not [each for each in found.suspicions if each.check == "spikes"]
+
+
+@pytest.mark.parametrize("late", [False, True], ids=["even", "late"])
+def test_a_jump_of_one_joint_is_named_with_its_row(tmp_path, late):
+    n = len(COLUMNS["t"])
+    columns = COLUMNS
+    if late:
+        columns = table(time=COLUMNS["t"] + np.random.default_rng(2).uniform(0, 0.004, n))
+    jumped = columns | {"q2": columns["q2"] - 0.8 * (np.arange(n) >= 1200)}
+    with pytest.raises(FileError) as refused:
+        statement(tmp_path, jumped)
+    (message,) = str(refused.value).splitlines()
+    assert "joints.1.position: jumps by -0." in message
+    assert "from row 1200 to 1201 of its file, by more than 10" in message
+    assert "accept: [spikes]" in message
+
+
+@pytest.mark.parametrize("gone", [0, 3])
+def test_steps_of_coarse_held_or_missing_rows_are_no_jumps(tmp_path, gone):
+    rows = np.arange(len(COLUMNS["t"]))
+    kept = np.delete(rows, 500 + np.arange(gone))
+    held = kept // 4 * 4
+    columns = {name: x[kept] for name, x in COLUMNS.items()}
+    columns |= {"q1": columns["q1"].round(1), "q2": COLUMNS["q2"][held]}
+    found = statement(tmp_path, columns, accept=["velocity", "shape", "still"])
+    assert not [each for each in found.suspicions if each.check == "spikes"]
+
+
+def counted(x, bits, increment):
+    """Return values in a register of whole counts, which overflows."""
+    half = 2 ** (bits - 1)
+    return ((np.round(x / increment) + half) % (2 * half) - half) * increment
+
+
+@pytest.mark.parametrize(("bits", "increment"), [(16, 0.0008), (12, 0.0125)])
+def test_a_torque_that_overflows_its_register_is_named(tmp_path, bits, increment):
+    noisy = COLUMNS["m1"] + np.random.default_rng(1).standard_normal(len(COLUMNS["t"]))
+    columns = COLUMNS | {"m1": counted(noisy, bits, increment)}
+    found = statement(tmp_path, columns, accept=["shape"]).suspicions
+    assert [s.check for s in found].count("spikes") == 1
+    assert f"jumps by some {2**bits * increment:.6g} N m and goes on" in found[0].message
+    assert found[0].first
+
+
+@pytest.mark.parametrize("noise", [0.0, 0.03])
+def test_a_torque_that_switches_between_limits_overflows_no_register(tmp_path, noise):
+    n = len(COLUMNS["t"])
+    switched = np.clip(40.0 * COLUMNS["m1"], -26.0, 26.0)
+    switched += noise * np.random.default_rng(1).standard_normal(n)
+    columns = COLUMNS | {"m1": counted(switched, 16, 0.0008)}
+    found = statement(tmp_path, columns, accept=["shape", "still", "velocity"]).suspicions
+    assert not [s for s in found if "overflows" in s.message]

@@ -45,6 +45,17 @@ def test_even_stamps_stay_as_they_are():
     assert timing.counts.jitter == pytest.approx(0, abs=1e-9)
 
 
+@pytest.mark.parametrize("rate", [30.0, 60.0, 44.6, 123.0])
+def test_even_stamps_rounded_to_milliseconds_lack_no_sample(rate):
+    at = np.arange(N) / rate
+    kept = np.delete(np.arange(N), np.arange(100, 1000, 150))
+    for rows, gone in ((np.arange(N), 0), (kept, N - len(kept))):
+        timing = found(at[rows].round(3), at[rows])
+        assert timing.period == pytest.approx(1 / rate, rel=1e-3)
+        assert timing.counts.bridged + timing.counts.gaps == gone
+        assert error(timing, at[rows]) < 1.1e-3
+
+
 def test_stamps_of_a_sampler_that_is_late_are_believed():
     late = EVEN + np.random.default_rng(1).uniform(0, 0.004, N)
     timing = found(late)
