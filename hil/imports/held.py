@@ -113,13 +113,17 @@ def saturated(columns: Sequence[Array], moving: Mask) -> dict[float, float]:
     The column repeats its least or greatest value, unless 0, more often than it repeats others.
     Parameters are those of `repeats`.
     """
-    repeated = np.concatenate([np.diff(x) == 0 for x in columns])[moving]
+    steps = np.abs(np.concatenate([np.diff(x) for x in columns]))[moving]
+    repeated = steps == 0
+    if repeated.all():
+        return {}
     kept = np.concatenate([x[1:] for x in columns])[moving][repeated]
     bounds = {float(min(map(np.min, columns))), float(max(map(np.max, columns)))} - {0.0}
     shares = {bound: int(np.sum(kept == bound)) / len(repeated) for bound in bounds}
     found = {bound: share for bound, share in sorted(shares.items()) if share > RARE}
     others = len(kept) / len(repeated) - sum(found.values()) if found else 0.0
-    return found if sum(found.values()) > OFTENER * others else {}
+    chance = increment(np.concatenate(columns)) / float(np.median(steps[~repeated]))
+    return found if sum(found.values()) > OFTENER * max(others, chance) else {}
 
 
 def measured(samples: Samples, rows: Integers, held: int) -> Integers:

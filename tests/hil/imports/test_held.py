@@ -139,3 +139,11 @@ def test_a_coarse_torque_is_not_saturated(tmp_path, increment):
     coarse = {m: increment * np.round(columns[m] / increment) for m in ("m1", "m2")}
     _, stated = made(tmp_path, columns | coarse, accept=["shape"])
     assert "saturated" not in stated
+
+
+def test_a_torque_of_three_values_is_coarse_and_not_saturated(tmp_path):
+    columns = table(20.0, RATE)
+    v = columns["v1"]
+    coarse = np.where(np.abs(v) > 0.1, 0.06 * np.sign(v), 0.0)
+    _, stated = made(tmp_path, columns | {"m1": coarse}, accept=["shape", "range"])
+    assert "saturated" not in stated
