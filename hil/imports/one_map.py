@@ -129,15 +129,19 @@ def interpret(
     segments = chosen_rows(the_map, samples)
     lost, count = [], RowCount()
     stated = the_map.content.time.rate if the_map.content.time else None
-    if (rate := stated or even_rate(samples, segments)) is not None:
+    rate = stated
+    if stated is None and (even := even_rate(samples, segments)) is not None:
+        # if stamps only count the rows, a part of the rows shows it
+        _, _, first = recounted(samples, [rows[:100_000] for rows in segments], even)
+        rate = even if first.missing or first.surplus else None
+    if rate is not None:
         samples, segments, count = recounted(samples, segments, rate)
         parts = split_at_jumps(samples, segments)
         lost = list(_lost_rows(segments, parts, count, stamped=stated is None))
         segments = parts
     mixed = list(source_suspicions(samples, segments))
     _refuse(the_map, mixed)
-    found_rows = count.missing or count.surplus
-    timing = _timing(the_map, samples, segments, rate if found_rows else stated)
+    timing = _timing(the_map, samples, segments, rate)
     timing.counts.at_rate = count
     timing.counts.rows += count.surplus
     spikes = list(spike_suspicions(samples, timing.stretches, robot))

@@ -141,14 +141,12 @@ def _far(x: Array, pace: Array) -> tuple[Integers, Array]:
     around = np.max([pace[:-4], pace[1:-3], pace[3:-1], pace[4:]], axis=0)
     at = np.flatnonzero(pace[2:-2] > FAR * around)
     if len(at):
+        # a change of steps that is ordinary in the motion, as where it begins, is no jump; neither
+        # are increments of an encoder, or of significant digits
         step = np.abs(np.diff(x))
-        # increments of an encoder, or of significant digits, are no jumps; neither is a change of
-        # steps that is ordinary in the motion, as where it begins
-        ordinary = np.maximum(
-            FARTHER * increments(x, at + 2),
-            FAR * np.quantile(np.abs(np.diff(step)), 1 - RARE),
-        )
-        at = at[step[at + 2] > ordinary]
+        at = at[step[at + 2] > FAR * np.quantile(np.abs(np.diff(step)), 1 - RARE)]
+    if len(at):  # increments take long
+        at = at[step[at + 2] > FARTHER * increments(x, at + 2)]
     return at + 2, around[at]
 
 
@@ -159,6 +157,8 @@ def jumps_of(x: Array, instants: Array, period: float) -> Integers:
     samples are missing, steps count at the pace of a period.
     """
     pace = np.abs(np.diff(x)) * period / np.maximum(np.diff(instants), period)
+    if pace.max(initial=0.0) <= FARTHER * pace.mean():  # the usual case, found at once
+        return np.zeros(0, dtype=np.intp)
     at, around = _far(x, pace)
     at = at[pace[at] > FARTHER * around]
     usual = FARTHER * np.quantile(pace[pace > 0], 1 - RARE) if len(at) else 0.0

@@ -88,8 +88,9 @@ def test_joints_that_move_one_after_the_other_all_move(tmp_path):
     t = columns["t"]
     q, _, tau = motion(t)
     first = t < 15.0
-    columns |= {"q1": np.where(first, q[:, 0], q[0, 0]), "m1": np.where(first, tau[:, 0], 5.0)}
-    columns |= {"q2": np.where(first, q[0, 1], q[:, 1])}
+    stop = np.argmax(t >= 15.0)
+    columns |= {"q1": np.where(first, q[:, 0], q[stop, 0]), "m1": np.where(first, tau[:, 0], 5.0)}
+    columns |= {"q2": np.where(first, q[stop, 1], q[:, 1])}
     write_csv(tmp_path / "data.csv", columns)
     stated = []
     the_map = write_map(tmp_path, a_map(velocity=False, accept=["shape"]))
