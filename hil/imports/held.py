@@ -121,7 +121,9 @@ def saturated(columns: Sequence[Array], moving: Mask) -> dict[float, float]:
     bounds = {float(min(map(np.min, columns))), float(max(map(np.max, columns)))} - {0.0}
     shares = {bound: int(np.sum(kept == bound)) / len(repeated) for bound in bounds}
     found = {bound: share for bound, share in sorted(shares.items()) if share > RARE}
-    others = len(kept) / len(repeated) - sum(found.values()) if found else 0.0
+    if not found:
+        return {}
+    others = len(kept) / len(repeated) - sum(found.values())
     chance = increment(np.concatenate(columns)) / float(np.median(steps[~repeated]))
     return found if sum(found.values()) > OFTENER * max(others, chance) else {}
 

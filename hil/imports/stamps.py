@@ -177,11 +177,12 @@ def _period(times: list[Array]) -> float:
         or [np.diff(t) for t in times]
     )
     mean = float(np.median(means))
-    steps = np.sort(np.concatenate([np.diff(t) for t in times]))
-    middle = float(steps[len(steps) // 2])
+    steps = np.concatenate([np.diff(t) for t in times])
+    middle = float(np.partition(steps, len(steps) // 2)[len(steps) // 2])
     if abs(middle - mean) >= 0.05 * mean:
         return mean
-    tick = min(increment(steps), middle / 2)
+    # sorting takes long, and a part of the steps shows the same tick
+    tick = min(increment(steps[:50_000]), middle / 2)
     return float(np.mean(steps[np.abs(steps - middle) <= 1.5 * tick]))
 
 
