@@ -463,7 +463,7 @@ def _readings(robot: Robot, thin: Evidence) -> Iterator[tuple[str, tuple[int, ..
     for heading, sizes in ((0.0, (-90.0, 90.0, 180.0)), (90.0, (-90.0, 90.0))):
         for size in sizes if np.any(robot.gravity) else ():
             reading = sized(robot, "gravity", -1, 0.0, heading)(size)
-            towards = ", ".join(f"{each:.3g}" for each in reading.gravity)
+            towards = ", ".join(f"{each:.3g}" for each in reading.gravity.round(9) + 0.0)
             yield "gravity", (), f"gravity points along [{towards}] in frame 0", reading
     for size, words in RATES.items() if np.any(robot.gravity) else ():
         yield "sampling rate", (), words, sized(robot, "sampling rate", -1)(size)
