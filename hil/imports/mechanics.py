@@ -199,8 +199,8 @@ def _misread(
     """Yield a suspicion if another reading of the map explains the torques.
 
     Masks have the shape (n_joints,). Torques of `strangers` do not follow the motion of their axes.
-    A `poor` model of some axis permits several wrong signs, and of half of the axes another order
-    of all columns. Energies count if motion is `fast`: some axis has accelerations beyond the noise
+    A `poor` model of some axis permits several wrong signs, and of two axes another order of
+    columns. Energies count if motion is `fast`: some axis has accelerations beyond the noise
     of its position.
     """
     thin = measured(robot, solver, prepared).thinned(ROWS)[0].project_out_own()
@@ -223,30 +223,33 @@ def _misread(
     ]
     if others and "exchanged" in others[0].cause:
         exchanged.append((*others[0][2:5], others[0].explained.reading))
-    if np.median(poor) >= 0.5:
+    sooner = len(exchanged)
+    if poor.sum() > 1:
         exchanged += _reordered(robot, prepared)
     # friction of exchanged axes follows another motion, so it is fitted anew
     tried = [
-        (*_left(robot, excerpts, reading, solver, cause, axes), cause, axes, words)
-        for cause, axes, words, reading in exchanged
+        (*_left(robot, excerpts, reading, solver, cause, axes), k, cause, axes, words)
+        for k, (cause, axes, words, reading) in enumerate(exchanged)
     ]
-    total, left, cause, axes, words = min(tried, default=(np.inf, np.inf, "", (), ""))
+    total, left, k, cause, axes, words = min(tried, default=(np.inf, np.inf, 0, "", (), ""))
     # against a possible map, an exchange must leave at most a ninth of the mean squares: on
     # recordings of an arm without a valid model other readings leave 0.22, the correct readings of
     # the maps in `benchmarks/wrong_maps.py` at most 0.07
-    pair = len(axes) <= 2 and (not stated.possible or astray.issuperset(axes))
+    pair = k < sooner and (not stated.possible or astray.issuperset(axes))
+    exchange: list[Suspicion] = []
     if left <= (LEAVES if pair else EXPLAINS):
-        rivals = [other for other in others[:1] if "exchanged" not in other.cause]
+        message = (
+            f"{located([axis + 1 for axis in axes], words)}: this correction leaves only "
+            f"{100 * left:.2g} % of the model's mean square residual; {CAUSES[cause].remedy}"
+        )
+        exchange = [Suspicion("shape", ("joints", axes[0], *PLACES.get(cause, ())), message)]
         of_rivals = (
             _left(robot, excerpts, each.explained.reading, solver, each.cause, each.axes)[0]
-            for each in rivals
+            for each in others[:1]
+            if "exchanged" not in each.cause
         )
         if total < min(of_rivals, default=np.inf):
-            message = (
-                f"{located([axis + 1 for axis in axes], words)}: this correction leaves only "
-                f"{100 * left:.2g} % of the model's mean square residual; {CAUSES[cause].remedy}"
-            )
-            yield Suspicion("shape", ("joints", axes[0], *PLACES.get(cause, ())), message)
+            yield from exchange
             return
     n = float(stated.counts[stated.counts > 0].mean())
     others = [each for each in others if "exchanged" not in each.cause and _no_worse(stated, each)]
@@ -263,6 +266,7 @@ def _misread(
             same.sort(key=lambda each: rank_of(each.cause, *each.axes))
             yield _suspicion(stated, same[0], least, [each.named for each in same[1:]])
             return
+    yield from exchange
 
 
 def _reordered(
@@ -295,13 +299,14 @@ def _reordered(
         misfit[joint] = np.linalg.norm(left, axis=0)
     best = linear_sum_assignment(np.log(misfit[driven]))[1]
     moved = driven[best] != driven
-    if moved.sum() > 2:
+    if moved.any():
         assigned = np.arange(robot.n_joints)
         assigned[driven] = driven[best]
         listed = ", ".join(str(channel + 1) for channel in assigned[driven[moved]])
         axes, torques = tuple(driven[moved].tolist()), tuple(assigned.tolist())
-        words = f"torques in another order, those of axes {listed}"
-        yield "two torques exchanged", axes, words, replace(stated, torques=torques)
+        cause, words = "two torques exchanged", f"torques in another order, those of axes {listed}"
+        words = CAUSES[cause].words if len(axes) == 2 else words
+        yield cause, axes, words, replace(stated, torques=torques)
 
 
 def _several_signs(
