@@ -2,7 +2,7 @@
 
 These errors make all results meaningless, so the import is refused. Excerpts of the recording are
 read in alternative ways (`hil.estimation.excluded.alternatives`), and all base parameters are
-fitted under each reading: a sign, two columns exchanged, degrees for radians, an offset by quarters
+fitted under each reading: signs, columns in another order, degrees for radians, zeros by quarters
 of a turn, gravity along another axis, another rate. Readings are compared by their misfit sum n_a
 log s_a^2, the likelihood of the residual mean squares s_a^2 of the axes, and by the chi square lost
 where motions of negative kinetic energy are excluded. The map is refused if another reading gains
