@@ -196,10 +196,9 @@ def _strokes(
         more = information(robot, plan.measurements, plan.sample_period, noise)
         before, then = (precision(robot, each, noise.source) for each in (known, known + more))
         return Designed(plan, robot, refinement=(before, then))
-    from hil.tasks.robot_drives import expected_of
-
     if minutes is not None:
         from hil.planning.design.by_minutes import design_within
+        from hil.tasks.robot_drives import expected_of
 
         now(f"choosing the most informative measurements in {minutes:g} minutes")
         noise = expected_of(robot, noise_from).noise
@@ -219,6 +218,7 @@ def _strokes(
     if named is None:
         return Designed(plan, robot)
     from hil.results.tables import excluded
+    from hil.tasks.robot_drives import expected_of
 
     now("choosing measurements that distinguish causes")
     expected = expected_of(robot, noise_from)

@@ -169,7 +169,7 @@ class TestPage:
             kind: base64.b64decode(content).decode() for kind, content in re.findall(links, page)
         }
         table = list(csv.DictReader(files["csv"].splitlines()))
-        assert [float(row["value"]) for row in table] == list(found["improved"].p)
+        assert [float(row["value"]) for row in table] == list(found["improved"].values)
         for row in table:
             assert float(row["low_95"]) < float(row["value"]) < float(row["high_95"])
         kept = json.loads(files["json"])
@@ -312,7 +312,9 @@ class TestAdvice:
     def test_a_measurement_that_scatters_stands_out(self, folder, found):
         local = found["improved"].local
         odd = next(value for value in local if value.kind == "inertia")
-        worse = [replace(v, residual=90 * v.residual) if v is odd else v for v in local]
+        worse = [
+            v.model_copy(update={"residual": 90 * v.residual}) if v is odd else v for v in local
+        ]
         items = self.advised(folder, replace(found["improved"], local=tuple(worse)))
         assert re.search(r"residual .* N m, \d+ times the usual residual", items[odd.id].reason)
         assert not {v.id for v in local if v is not odd} & set(items)
