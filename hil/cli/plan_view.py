@@ -14,6 +14,7 @@ import numpy as np
 from hil.model.base_parameters import base_parameters
 from hil.model.dependencies import DIAGONAL, GRAVITY, OFF_DIAGONAL
 from hil.planning.measurement import FOR_A_LAW
+from hil.planning.prediction.precision import IMPRECISE
 from hil.show.rounding import clock, count, rounded, significant, unit
 from hil.show.table import Column, Marked, Part, figures, table
 from hil.show.terminal import show
@@ -179,8 +180,6 @@ def _print_precision(
     title: str, columns: dict[str, list[str]], found: Precision, robot: Robot
 ) -> None:
     """Print figures by group, effects on torques, and imprecise parameters."""
-    from hil.planning.prediction.precision import IMPRECISE  # loads SciPy
-
     base, what = base_parameters(robot), Column("meaning", folds=True)
     heads: tuple[str | Column, ...] = ("", what, *figures(*columns), "unit")
     parts = [

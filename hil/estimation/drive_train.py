@@ -46,7 +46,7 @@ from hil.estimation.nuisances import (
 from hil.estimation.signals import derivatives
 from hil.friction.equation import SLOW, speed_scale
 from hil.least_squares.solving import inverse
-from hil.least_squares.window import extended, half_window, widen
+from hil.least_squares.window import half_window, widen
 from hil.model.base_parameters import base_parameters
 from hil.model.dependencies import DIAGONAL
 from hil.model.dynamics import inverse_dynamics, mass_matrix
@@ -267,7 +267,7 @@ def _stacked(robot: Robot, m: ParameterMotion, s: Signals, shifts: Indices) -> l
     motors = motor_torque(robot, s.q, s.qd, s.qdd)
 
     def part(axis: int) -> tuple[Array, Mask]:
-        (padded,) = extended(s.tau[:, axis], reach, reach)
+        padded = np.pad(s.tau[:, axis], reach, mode="edge")
         first, *later = (padded[reach + k : reach + k + len(s.tau)] for k in shifts)
         clear = ~widen(~s.moving(robot, axis), reach, beyond=True)
         return np.column_stack([first, motors[:, axis], *later]), clear

@@ -33,7 +33,7 @@ from scipy import fft
 
 from hil.errors import NotEnoughData
 from hil.friction.equation import base_rows, moving, term_columns, usable
-from hil.least_squares.window import FIRST, SECOND, correlate, extended, half_window, smooth, widen
+from hil.least_squares.window import FIRST, SECOND, correlate, half_window, smooth, widen
 from hil.runs.recording import active_samples
 
 if TYPE_CHECKING:
@@ -150,10 +150,10 @@ class Signals:
         # time until the filter's response is below rounding [s]
         first = round(0.5 / self.period)
         n = fft.next_fast_len(len(x) + 2 * first, real=True)
-        spectrum = fft.rfft(extended(x, first, n - len(x) - first), overwrite_x=True)
-        spectrum *= _forth_and_back(n, self.period)
-        filtered: Array = fft.irfft(spectrum, n, overwrite_x=True)[:, first : first + len(x)].T
-        return filtered.reshape(x.shape)
+        ends = [(first, n - len(x) - first)] + [(0, 0)] * (x.ndim - 1)
+        spectrum = fft.rfft(np.pad(x, ends, mode="edge").T)
+        filtered: Array = fft.irfft(spectrum * _forth_and_back(n, self.period), n).T
+        return filtered[first : first + len(x)]
 
     def error_of_sum(self, weights: Array) -> float:
         """Return the standard error of a weighted sum of filtered samples, per sample error.
@@ -176,7 +176,7 @@ class Signals:
             first, weights = interpolation(float(lag[axis]) / self.period)
             taps = first + np.arange(len(weights))
             reach = int(np.abs(taps).max())
-            (padded,) = extended(self.tau[:, axis], reach, reach)
+            padded = np.pad(self.tau[:, axis], reach, mode="edge")
             parts = [padded[reach + k : reach + k + len(tau)] for k in taps]
             tau[:, axis] = weights @ np.array(parts)
             widest = max(widest, reach)

@@ -35,7 +35,8 @@ SHARE = 0.2
 Below this share, the mean delay of a column is less than a tenth of a sample.
 """
 RARE = 0.05
-"""Maximum share of moving rows at a bound: one in twenty is harmless, as with uneven rows."""
+"""Maximum share of uneven rows: of moving rows at a bound, and of rows before a jump. Where one row
+in twenty is uneven, rows repeat or a clock is coarse (`hil.imports.instants`)."""
 _HELD = 0.9
 """Minimum share of isolated steps for held values; a recorder is sometimes late."""
 SLOW = 0.05

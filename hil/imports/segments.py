@@ -19,7 +19,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from hil.imports.held import SLOW
+from hil.imports.held import RARE, SLOW
 from hil.imports.instants import resampled
 from hil.imports.row_count import increments
 from hil.runs.recording import IDLE
@@ -40,9 +40,6 @@ LONGEST = 60.0
 FAR, FARTHER = 3.0, 10.0
 """Minimum ratios of a jump to the steps around it, and to an increment: ten rows and more are
 missing, in which another joint may change its speed. Between rows speeds change less."""
-RARE = 0.05
-"""Maximum share of rows before a jump: where one row in twenty is uneven, rows repeat or a clock is
-coarse (`hil.imports.instants`)."""
 SHORTEST = 1.0
 """Minimum duration of a motion, and of a block [s]."""
 

@@ -59,28 +59,21 @@ def smooth(x: Array, period: float) -> Array:
 
 def correlate(x: Array, taps: Array) -> Array:
     """Correlate samples with `taps`, with constant extension at the ends."""
-    padded = extended(x, len(taps) // 2, len(taps) // 2)
-    sums = np.empty((len(x), len(padded)))
+    n, reach = len(x), len(taps) // 2
+    flat = x.reshape(n, -1)
+    # np.pad takes as long as the following lines together
+    padded = np.empty((flat.shape[1], n + 2 * reach))
+    padded[:, :reach], padded[:, n + reach :] = flat[:1].T, flat[-1:].T
+    padded[:, reach : n + reach] = flat.T
+    sums = np.empty(flat.shape)
     for k, column in enumerate(padded):
         sums[:, k] = np.correlate(column, taps, mode="valid")
     return sums.reshape(x.shape)
 
 
-def extended(x: Array, before: int, after: int) -> Array:
-    """Return columns (k, before + n + after) of samples (n, ...), constant beyond the ends."""
-    n, flat = len(x), x.reshape(len(x), -1)
-    # faster than np.pad
-    padded = np.empty((flat.shape[1], before + n + after))
-    padded[:, :before], padded[:, before + n :] = flat[:1].T, flat[-1:].T
-    padded[:, before : before + n] = flat.T
-    return padded
-
-
 def widen(mask: Mask, reach: int, *, beyond: bool = False) -> Mask:
     """Widen a mask by `reach` samples; `beyond` is the assumed value outside the ends."""
-    wider = np.full(len(mask) + 2 * reach + 1, beyond)
-    wider[reach + 1 : reach + 1 + len(mask)] = mask
-    count = np.cumsum(wider)
+    count = np.cumsum(np.pad(mask, (reach + 1, reach), constant_values=beyond))
     return count[2 * reach + 1 :] > count[: -2 * reach - 1]
 
 

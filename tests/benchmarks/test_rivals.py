@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import re
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -20,7 +22,6 @@ from hil.results.model import Model
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
-    from pathlib import Path
 
     from hil.estimation.estimate import Estimate
     from hil.model.robot import Robot
@@ -45,6 +46,15 @@ def test_the_robust_method_bears_a_stretch_in_which_somebody_touched_the_arm() -
     data[1][1].tau[2000:3000] += 30.0
     plain = estimate(robot, data, "weighted least squares")
     assert distance(RIVALS["robust"](robot, data, DEFAULTS)) < 0.5 * distance(plain)
+
+
+def test_documents_name_rivals_that_there_are() -> None:
+    root = Path(__file__).parents[2]
+    text = (root / "docs" / "how-to" / "trajectories.md").read_text(encoding="utf-8")
+    rows = re.findall(r"(?m)^\| ([^|]+?) \|", text[text.index("python -m benchmarks.rivals") :])
+    named = [each for each in rows if each != "name" and not re.search(r" and |each of", each)]
+    assert len(named) > 5
+    assert set(named) <= set(RIVALS)
 
 
 def status(program: Callable[[Sequence[str]], None], *arguments: object) -> int:

@@ -274,12 +274,11 @@ class Alternative(NamedTuple):
 
     @property
     def chi_square(self) -> float:
-        """Square of the size over its error: of a factor, by its logarithm as well."""
-        factor = 1.0 + self.size / 100.0
-        ratio = 1.0
+        """Squared ratio of size and error; below a factor of 1, on a logarithmic scale."""
+        size, factor = self.size, 1.0 + self.size / 100.0
         if CAUSES[self.cause].unit == "%" and 0.0 < factor < 1.0:
-            ratio = 100.0 * factor * float(np.log(factor)) / self.size
-        return (ratio * self.size / max(self.error, np.finfo(float).tiny)) ** 2
+            size = 100.0 * factor * float(np.log(factor))
+        return (size / max(self.error, np.finfo(float).tiny)) ** 2
 
 
 def explained(

@@ -167,7 +167,8 @@ def noncentrality(rank: int, degrees: float, level: float) -> float:
     def missed(root: float) -> float:
         return float(special.ndtri(special.chndtr(limit * s, rank, root**2 * s).mean()))
 
-    # the probit of the probability is almost linear in the root: the secant method converges
+    # the probit of the probability is almost linear in the root: the secant method converges; at
+    # one degree of freedom, SciPy's brentq and newton go on to sizes whose probability is NaN
     at, goal = math.sqrt(limit), float(special.ndtri(1.0 - POWER))
     value, step = missed(at), -goal
     while abs(step) > ROOT * at:
