@@ -28,6 +28,8 @@ TRAVEL, SHORT = 20_000, 1_000
 """Distances of every axis [increments]."""
 _PATIENCE = 0.05
 """Time-out of KickCAT for each frame [s], instead of 2 ms: a busy machine answers late."""
+_TRIES = 5
+"""Attempts to write a register by pysoem, which waits 4 ms: a busy machine answers late."""
 OUT = struct.Struct("<Hiih")
 _SCRIPT = """
 ip link set lo up
@@ -135,7 +137,13 @@ def soem(interface: str, *, clock: bool) -> dict[str, Any]:  # noqa: C901
         slave.dc_sync(True, 4_000_000)
     seen["safeop"] = master.state_check(pysoem.SAFEOP_STATE, 500_000)
     for slave in slaves:
-        slave.set_watchdog("processdata", 500)
+        for again in reversed(range(_TRIES)):
+            try:
+                slave.set_watchdog("processdata", 500)
+                break
+            except pysoem.WkcError:
+                if again == 0:
+                    raise
 
     def cycle(count: int) -> None:
         for _ in range(count):
