@@ -153,7 +153,7 @@ LAYERS = (
     ("sending of frames, bus", PlantBus, "send"),
     ("sending of frames, bus", PlantBus, "send_repeatedly"),
     ("drives", SlaveNetwork, "receive"),
-    ("drives", SlaveNetwork, "foresee"),
+    ("drives", SlaveNetwork, "receive_repeatedly"),
     ("physics", Plant, "advance"),
     ("physics", Plant, "advance_quietly"),
     ("physics", Plant, "read"),

@@ -12,11 +12,13 @@ frames of one instant leave in the order of their identifiers, as arbitration wo
 from __future__ import annotations
 
 import struct
-from collections import defaultdict, deque
+from collections import defaultdict
 from collections.abc import Sequence
 from operator import itemgetter
 from typing import TYPE_CHECKING, Literal, NamedTuple, TypeAlias, overload
 
+from sim_plant.canopen.heartbeat import HEARTBEAT
+from sim_plant.canopen.nmt import NmtState
 from sim_plant.canopen.object_dictionary import bounds
 from sim_plant.drive.cia402_node import Cia402Node
 from sim_plant.drive.process_image import AxisImage, Field, FrameBlock
@@ -37,6 +39,7 @@ CYCLE_DEFAULT = 0.004
 FRAME = struct.Struct("=IB3x8s")
 """``struct can_frame``: identifier, length, data."""
 
+_OPERATIONAL = bytes([NmtState.OPERATIONAL])
 _by_identifier = itemgetter(1)
 
 
@@ -62,11 +65,11 @@ class FramesOfSync(Sequence[CanFrame]):
 
     @classmethod
     def pack(cls, frames: Sequence[CanFrame]) -> FramesOfSync:
-        """Pack frames of one instant, unless already packed."""
+        """Pack frames as of the instant of the last one, unless already packed."""
         if isinstance(frames, cls):
             return frames
         packed = b"".join(FRAME.pack(number, len(data), data) for _, number, data in frames)
-        return cls(frames[0][0], packed)
+        return cls(frames[-1][0], packed)
 
     def __len__(self) -> int:
         return len(self.packed) // FRAME.size
@@ -122,7 +125,6 @@ class SlaveNetwork(TimedNetwork):
         self._clock = clock
         self._past: list[CanFrame] = []
         self._present: list[CanFrame] = []
-        self._foreseen: deque[FramesOfSync] = deque()
         self._stale = True
         self._synced: dict[int, _Synced] = {}
         self._counted: dict[int, _Synced] = {}
@@ -157,8 +159,6 @@ class SlaveNetwork(TimedNetwork):
         sequence of CanFrame
             `FramesOfSync` if only the answers to one SYNC are sent.
         """
-        if self._foreseen:
-            return self._foreseen.popleft()
         if self._stale:
             self._wire()
         synced = (self._counted if data else self._synced).get(identifier)
@@ -168,35 +168,43 @@ class SlaveNetwork(TimedNetwork):
             handle(data)
         return self._take()
 
-    def foresee(self, identifier: int, times: int) -> int:
-        """Simulate several SYNCs without data in advance, up to any news or timer.
-
-        The next frames must be these SYNCs: `receive` returns the answers to each in turn, until
-        `forget` is called.
+    def receive_repeatedly(self, identifier: int, times: int) -> list[Sequence[CanFrame]]:
+        """Process several SYNCs without data in advance, up to any news.
 
         Returns
         -------
-        int
-            Number of simulated SYNCs; 0 if the next may have other effects than TPDOs.
+        list of sequence of CanFrame, length 1 to `times`
+            Frames of the drives for each SYNC. All but the last are answers with unchanged
+            statuswords, and heartbeats of operational nodes; the last may be anything.
         """
+        answers: list[Sequence[CanFrame]] = []
+        while True:
+            answers += self._foresee(identifier, times - len(answers))
+            if len(answers) == times:
+                return answers
+            words, synced = self._image.statuswords.tolist(), self._synced.get(identifier)
+            frames = self.receive(identifier, b"")
+            answers.append(frames)
+            same = words == self._image.statuswords.tolist()
+            if synced is None or not (same and synced is self._synced.get(identifier)):
+                return answers
+            before = () if isinstance(frames, FramesOfSync) else frames[: -len(synced.reports)]
+            if any(number < HEARTBEAT or data != _OPERATIONAL for _, number, data in before):
+                return answers
+
+    def _foresee(self, identifier: int, times: int) -> Sequence[FramesOfSync]:
+        """Simulate several SYNCs at once, up to the next timer or news of a drive."""
         if self._stale:
             self._wire()
         synced = self._synced.get(identifier)
         if synced is None or self._clock != "sync":
-            return 0
+            return ()
         actions, rpdos, _, block = synced
         waits = self._past or self._present or self._event_actions or actions
         if block is None or waits or any(rpdo.pending is not None for rpdo in rpdos):
-            return 0
+            return ()
         instants, readings = self._advance_quietly(times, self.cycle)
-        if not instants:
-            return 0
-        self._foreseen.extend(map(FramesOfSync, instants, block.pack_all(readings)))
-        return len(instants)
-
-    def forget(self) -> None:
-        """Discard simulated answers not yet received; their time has passed."""
-        self._foreseen.clear()
+        return [*map(FramesOfSync, instants, block.pack_all(readings))] if instants else ()
 
     def receive_remote(self, identifier: int) -> list[CanFrame]:
         """Process a remote frame; return the frames of the drives."""

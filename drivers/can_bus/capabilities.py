@@ -4,10 +4,10 @@ A bus has a capability if it has a member of that name (`Capabilities`). A bus i
 one has only the capabilities in its `capabilities`: it passes on those that need no inspection or
 timing of frames. No other module examines the type of a bus.
 
-A bus in lock-step (`BlockSource`) may offer the answers to a SYNC as
-one block of ``struct can_frame``: identifier, length, three bytes of padding, eight of data. One
-comparison of integers checks the heads of all frames, and one struct unpacks their values; message
-objects for all frames would take several times as long.
+A bus in lock-step (`BlockSource`) may offer the answers to a SYNC as one block of
+``struct can_frame``: identifier, length, three bytes of padding, eight of data. One comparison of
+integers checks the heads of all frames, and one struct unpacks their values; message objects for
+all frames would take several times as long.
 """
 
 from __future__ import annotations
@@ -20,13 +20,12 @@ from typing import TYPE_CHECKING, Protocol, cast
 from drivers.cycle_data import make_unpacker
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Sequence
+    from collections.abc import Callable, Iterable, Sequence
 
     import can
 
-_HEAD = struct.Struct("=IB3x")
-_FRAME = 16
-"""Size of ``struct can_frame`` [bytes]."""
+_HEAD, _WHOLE = struct.Struct("=IB3x"), struct.Struct("=IB3x8s")
+_FRAME = _WHOLE.size
 
 
 class FrameBlock:
@@ -66,6 +65,11 @@ class FrameBlock:
         heads = int.from_bytes(block, "little") & self._where_heads
         return self._values(block) if heads == self._heads else None
 
+    def split(self, block: bytes) -> tuple[Iterable[tuple[int, int, bytes]], bytes]:
+        """Return identifier, size and padded data of frames before the expected ones, and these."""
+        others = len(block) - self._size
+        return (_WHOLE.iter_unpack(block[:others]), block[others:]) if others else ((), block)
+
     def data(self, block: bytes) -> list[bytes]:
         """Return the data of each frame, in the order of `identifiers`."""
         return [block[place] for place in self._data]
@@ -86,19 +90,13 @@ class BlockSource(Protocol):
         """Return the frames of the last block to the queue of single frames."""
 
     def send_repeatedly(self, msg: can.Message, times: int) -> list[bytes]:
-        """Send a SYNC repeatedly, each after the answers to the previous SYNC.
-
-        Parameters
-        ----------
-        msg : can.Message
-        times : int
-            Largest number of SYNCs, at least 1.
+        """Send a SYNC up to `times` times, each after the answers to the previous SYNC.
 
         Returns
         -------
         list of bytes
             Blocks of answers to the SYNCs before the last; answers to the last are received as
-            usual. Any frame except the usual ones with new process data ends the repetition.
+            usual. Any news but process data, and heartbeats before them, end the repetition.
         """
 
 

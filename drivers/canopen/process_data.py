@@ -152,20 +152,22 @@ class SyncProcessData(ProcessData):
         except Exception as error:
             self._send_again(error)
             blocks = []
-        unpack, words = self._block.unpack, self.words
         cycles = Cycles([], [], [])
-        for block in blocks:
-            values = unpack(block)
-            if values is None or values[0::3] != words:
-                reason = ValueError(f"unexpected frames answered {len(blocks)} SYNCs")
-                raise self._network.unavailable("cannot receive", reason)
+        for frames in blocks:
             instant = self._clock.note_sent()
             self._pass_to(instant)
+            heartbeats, block = self._block.split(frames)
+            for identifier, size, data in heartbeats:
+                self._network.notify(identifier, bytearray(data[:size]), instant)
+            values = self._block.unpack(block)
+            if values is None or values[0::3] != self.words:
+                reason = ValueError(f"unexpected frames answered {len(blocks)} SYNCs")
+                raise self._network.unavailable("cannot receive", reason)
             self.positions = values[1::3]
             cycles.times.append(instant)
             cycles.positions.append(values[1::3])
             cycles.currents.append(values[2::3])
-        self._last_block = blocks[-1] if blocks else self._last_block
+            self._last_block = block
         self._receive_answers(self._clock.note_sent())
         return cycles if blocks else None
 

@@ -57,12 +57,15 @@ class ProcessImage:
     values : ndarray, shape (8 n_axes,)
         The fields of every axis's `Reading`, axis after axis, then all statuswords; changed in
         place.
+    statuswords : ndarray, shape (n_axes,)
+        View of the statuswords in `values`.
     watch : ndarray, shape (3, n_axes)
         `AxisEvent` bits known to each drive, and range of positions without a report [increments].
     """
 
     def __init__(self, n_axes: int) -> None:
         self.values = np.zeros(n_axes * (WIDTH + 1), dtype=np.int64)
+        self.statuswords = self.values[n_axes * WIDTH :]
         self.watch = np.zeros((3, n_axes), dtype=np.int64)
         self.watch[_LOWEST], self.watch[_HIGHEST] = -_FAR, _FAR
         _latch_and_pack(self.values, self.values, self.watch, _NO_FIELDS, _NO_FRAMES)

@@ -24,7 +24,7 @@ from sim_plant.switch_on import load_machine
 
 if TYPE_CHECKING:
     import queue
-    from collections.abc import Iterable, Iterator
+    from collections.abc import Iterable, Iterator, Sequence
 
     from sim_plant.plant import Plant
     from sim_plant.slave_network import CanFrame
@@ -84,11 +84,9 @@ class PlantChannel:
                 if message.is_remote_frame:
                     self._deliver(network.receive_remote(message.arbitration_id))
                 else:
-                    frames = network.receive(message.arbitration_id, bytes(message.data))
-                    if isinstance(frames, FramesOfSync):
-                        self._deliver_block(frames)
-                    else:
-                        self._deliver(frames)
+                    self._deliver_answers(
+                        network.receive(message.arbitration_id, bytes(message.data))
+                    )
             except NotSent as refused:
                 self._deliver(refused.frames)
                 raise
@@ -98,24 +96,25 @@ class PlantChannel:
     ) -> list[bytes]:
         """Pass a SYNC to the drives several times; return all answers except the last.
 
-        These are `FramesOfSync`, packed; the answers to the last SYNC go to the inboxes. With other
-        listeners or actors on the channel, the first SYNC is the last.
+        Answers are packed as `FramesOfSync`, after heartbeats of operational nodes, if any. The
+        answers to the last SYNC go to the inboxes. With other listeners or actors on the channel,
+        the first SYNC is the last.
         """
-        network, packed = self._network, []
+        network, packed = self._network, list[bytes]()
         alone = len(self.inboxes) == 1 and self._hand is None and not echo
-        if alone and isinstance(network, SlaveNetwork):
-            with self._lock:
-                before = network.time
-                try:
-                    for _ in range(network.foresee(message.arbitration_id, times - 1)):
-                        self._occupy(before, 0)
-                        frames = FramesOfSync.pack(network.receive(message.arbitration_id, b""))
-                        self._occupy_for(frames)
-                        packed.append(frames.packed)
-                        before = frames.time
-                finally:  # after an interrupt the next frame may be one that stops the axes
-                    network.forget()
-        self.transmit(message, sender, echo)
+        if not (alone and isinstance(network, SlaveNetwork)):
+            self.transmit(message, sender, echo)
+            return packed
+        with self._lock:
+            before = network.time
+            *answers, last = network.receive_repeatedly(message.arbitration_id, times)
+            for frames in map(FramesOfSync.pack, answers):
+                self._occupy(before, 0)
+                self._occupy_for(frames)
+                packed.append(frames.packed)
+                before = frames.time
+            self._occupy(before, 0)
+            self._deliver_answers(last)
         return packed
 
     def _pass_on(self, message: can.Message, time: float, sender: Inbox, *, echo: bool) -> None:
@@ -142,11 +141,14 @@ class PlantChannel:
                 inbox.put(_message(free, identifier, data, name))
         self._wire_free = free
 
-    def _deliver_block(self, frames: FramesOfSync) -> None:
-        """Put the frames of a SYNC into all inboxes, to be unpacked by the readers."""
-        start = self._occupy_for(frames)
-        for inbox in self.inboxes:
-            inbox.put((start, frames.packed))
+    def _deliver_answers(self, frames: Sequence[CanFrame]) -> None:
+        """Put frames into all inboxes; those of a SYNC are unpacked by the readers."""
+        if isinstance(frames, FramesOfSync):
+            start = self._occupy_for(frames)
+            for inbox in self.inboxes:
+                inbox.put((start, frames.packed))
+        else:
+            self._deliver(frames)
 
     def _occupy_for(self, frames: FramesOfSync) -> float:
         """Return the start on the wire of the frames of a SYNC [s], and occupy the wire."""

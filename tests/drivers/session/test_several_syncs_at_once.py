@@ -9,11 +9,12 @@ import can
 import pytest
 from canopen_drive_bus import CanopenDriveBus
 
-from drivers.drive_bus import Move, Sample, SampleFlag, Tripped
+from drivers.drive_bus import DriveError, Move, Sample, SampleFlag, Tripped
 from drivers.drives_file import load_drives
 from hil.runs.recording import Recorder
 from sim_plant.physics.state import ENABLED
 from sim_plant.serving.plant_channel import PlantChannel, _channels
+from sim_plant.slave_network import SlaveNetwork
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -63,7 +64,7 @@ def test_samples_are_those_of_single_syncs() -> None:
     assert at_once[:common] == singly[:common]
 
 
-def test_most_syncs_pass_several_at_once() -> None:
+def test_most_syncs_pass_several_at_once_across_heartbeats() -> None:
     sizes: list[int] = []
 
     def counted(axes: DriveBus) -> list[Sample]:
@@ -71,7 +72,22 @@ def test_most_syncs_pass_several_at_once() -> None:
         sizes.append(len(found))
         return found
 
-    assert len(moved(counted)) > 4 * len(sizes)
+    assert len(moved(counted)) > 10 * len(sizes)
+
+
+def test_a_drive_that_restarts_within_the_syncs_at_once_stops_the_axes() -> None:
+    with can.Bus("manutec-r15", "sim_plant", ignore_config=True) as bus:
+        with CanopenDriveBus(bus, load_drives(MANUTEC)) as axes:
+            axes.move(MOVES)
+            for _ in range(20):
+                axes.samples(FOR_EVER)
+            network: Any = _channels["manutec-r15"]._network
+            network._timers.start("restart", 0.05, network.nodes[2].restart)
+            before = network.time
+            with pytest.raises(DriveError, match=r"joint 3 .*restarted"):
+                [axes.samples(FOR_EVER) for _ in range(20)]
+            assert network.time - before < 1.0
+        assert not network._machine.state[:, ENABLED].any()
 
 
 def test_never_more_than_asked_for() -> None:
@@ -142,14 +158,22 @@ def test_after_an_interrupt_amid_several_syncs_the_drives_take_the_next_frame(
         CanopenDriveBus(bus, load_drives(MANUTEC)) as axes,
     ):
         network: Any = _channels["manutec-r15"]._network
-        occupied = PlantChannel._occupy_for
+        occupied, frames_since = PlantChannel._occupy_for, [0]
+        receive_repeatedly = SlaveNetwork.receive_repeatedly
+
+        def received(self: SlaveNetwork, identifier: int, times: int) -> list[Any]:
+            found = receive_repeatedly(self, identifier, times)
+            frames_since[0] = -len(found)
+            return found
 
         def interrupted(self: PlantChannel, frames: FramesOfSync) -> float:
-            if len(network._foreseen) >= 3:
+            frames_since[0] += 1
+            if frames_since[0] == -3:
                 raise KeyboardInterrupt
             return occupied(self, frames)
 
         with monkeypatch.context() as patch:
+            patch.setattr(SlaveNetwork, "receive_repeatedly", received)
             patch.setattr(PlantChannel, "_occupy_for", interrupted)
             with pytest.raises(KeyboardInterrupt):
                 [axes.samples(FOR_EVER) for _ in range(100)]
