@@ -20,15 +20,15 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from hil.imports.evidence import Suspicion
-from hil.imports.spikes import GREATEST
+from hil.imports.spikes import GREATEST, positions
 from hil.imports.tables import ROWS
-from hil.least_squares.standstill import extent, moving
+from hil.least_squares.standstill import NOISY, extent, moving
 from hil.model.frames import ROUNDED_OFF
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator, Sequence
 
-    from hil.arrays import Array, Mask
+    from hil.arrays import Array, Integers, Mask
     from hil.imports.instants import Stretch
     from hil.imports.samples import Samples
     from hil.model.robot import Robot
@@ -49,26 +49,21 @@ def clipped_positions(
     samples: Samples, stretches: Sequence[Stretch], robot: Robot
 ) -> Iterator[Suspicion]:
     """Yield suspicions of positions clipped at a bound."""
-    parts, n = [], 0
-    for x in _parts(samples, stretches):
-        n += len(x)
-        least, most = x.min(axis=0), x.max(axis=0)
-        at_least = x <= least + ROUNDED_OFF * np.abs(least)
-        at_most = x >= most - ROUNDED_OFF * np.abs(most)
-        parts.append([least, most, at_least.sum(axis=0), at_most.sum(axis=0)])
-    low, high, *_ = (each.tolist() for each in np.transpose(parts, (1, 2, 0)))
-    corners = {
-        joint: _Corners(bounds)
-        for joint, bounds in enumerate(zip(map(min, low), map(max, high), strict=True))
-        if _has_plateaus(np.array(parts)[:, :, joint], bounds)
-    }
-    if corners:  # an axis at rest, or with one increment of noise, has plateaus at both ends
-        period = stretches[0].period
-        moves = moving([extent(x, period) for x in _parts(samples, stretches) if len(x)])
-        corners = {joint: each for joint, each in corners.items() if moves[joint]}
+    parts = [(x.min(axis=1), x.max(axis=1)) for x in _parts(samples, stretches)]
+    ends = np.array(parts)  # (n_parts, 2, n_joints)
+    bounds = np.stack([ends[:, 0].min(axis=0), ends[:, 1].max(axis=0)])
+    number = np.zeros(bounds.shape, dtype=np.int64)
+    for rows, there in zip(_rows(stretches), _equal(ends, bounds), strict=True):
+        for end, joint in zip(*np.nonzero(there), strict=True):
+            x = samples.read(rows)[:, joint].clip(-GREATEST, GREATEST)
+            number[end, joint] += np.count_nonzero(_equal(x, bounds[end, joint]))
+    likely = number.max(axis=0) >= TWICE * PLATEAU
+    if likely.any():  # an axis at rest, or with one increment of noise, has plateaus at both ends
+        likely = _moving(samples, stretches, np.ptp(bounds, axis=0), likely)
+    corners = {joint: _Corners(*bounds[:, joint]) for joint in np.flatnonzero(likely).tolist()}
     for part in _parts(samples, stretches) if corners else ():
         for joint, each in corners.items():
-            each.add(part[:, joint])
+            each.add(part[joint])
     for joint, each in corners.items():
         found = {
             bound: sum(length for *_, length in plateaus)
@@ -76,7 +71,7 @@ def clipped_positions(
             if _continues_motion(_parts(samples, stretches), joint, each.bounds, plateaus)
         }
         if found:
-            unit = robot.position_unit(joint)
+            unit, n = robot.position_unit(joint), sum(len(each.rows) for each in stretches)
             values = " and ".join(f"{bound:.6g}" for bound in found)
             yield Suspicion(
                 "range",
@@ -87,21 +82,29 @@ def clipped_positions(
             )
 
 
-def _has_plateaus(parts: Array, bounds: tuple[float, float]) -> bool:
-    """Return whether `TWICE` plateaus fit into the samples at a bound.
+def _moving(samples: Samples, stretches: Sequence[Stretch], ways: Array, likely: Mask) -> Mask:
+    """Return the `likely` joints that move; all arguments by joint, shape (n_joints,)."""
+    period, columns = stretches[0].period, _parts(samples, stretches)
+    # the noise of a part is at most that of all
+    likely &= ways > NOISY * extent(next(columns).T, period).noise
+    # axes move relative to the widest range
+    some = likely | (np.arange(len(ways)) == ways.argmax())
+    if likely.any():
+        extents = [extent(x[some].T, period) for x in _parts(samples, stretches) if x.size]
+        likely[some] &= moving(extents)
+    return likely
 
-    `parts` (n_parts, 4) has least and greatest position of each part, and their numbers.
-    """
-    numbers = (parts[_equal(parts[:, k], end), 2 + k].sum() for k, end in enumerate(bounds))
-    return bool(max(numbers) >= TWICE * PLATEAU)
+
+def _rows(stretches: Sequence[Stretch]) -> Iterator[Integers]:
+    """Yield rows of parts of the stretches."""
+    for stretch in stretches:
+        for begin in range(0, len(stretch.rows), ROWS):
+            yield stretch.rows[begin : begin + ROWS]
 
 
 def _parts(samples: Samples, stretches: Sequence[Stretch]) -> Iterator[Array]:
-    """Yield positions of parts of the stretches, shape (n, n_joints)."""
-    for stretch in stretches:
-        for begin in range(0, len(stretch.rows), ROWS):
-            rows = stretch.rows[begin : begin + ROWS]
-            yield samples.read(rows)[:, : samples.n_joints].clip(-GREATEST, GREATEST)
+    """Yield positions of parts of the stretches, shape (n_joints, n)."""
+    return (positions(samples, rows) for rows in _rows(stretches))
 
 
 class _Corners:
@@ -110,9 +113,10 @@ class _Corners:
     Attributes
     ----------
     bounds : tuple of float
+        Least and greatest position.
     """
 
-    def __init__(self, bounds: tuple[float, float]) -> None:
+    def __init__(self, *bounds: float) -> None:
         self.bounds = bounds
         self._plateaus: dict[float, list[Plateau]] = {bound: [] for bound in bounds}
         self._ordinary = 0.0
@@ -146,18 +150,18 @@ class _Corners:
         }
 
 
-def _equal(x: Array, bound: float) -> Mask:
-    return np.asarray(np.abs(x - bound) <= ROUNDED_OFF * abs(bound))
+def _equal(x: Array, bound: float | Array) -> Mask:
+    return np.asarray(np.abs(x - bound) <= ROUNDED_OFF * np.abs(bound))
 
 
 def _continues_motion(
-    parts: Iterable[Array], joint: int, bounds: tuple[float, float], plateaus: Sequence[Plateau]
+    parts: Iterable[Array], joint: int, bounds: tuple[float, ...], plateaus: Sequence[Plateau]
 ) -> bool:
     """Return True if the hidden ways have accelerations like the motion elsewhere."""
     m = int(np.median([length for *_, length in plateaus]))
     hidden, greatest = float(np.median([steps / length for _, steps, length in plateaus])), 0.0
     for part in parts:
-        x = part[:, joint]
+        x = part[joint]
         if len(x) > 2 * m:
             bend = np.abs(x[2 * m :] - 2.0 * x[m:-m] + x[: -2 * m]) / m**2
             at = np.concatenate([[0], np.cumsum(_equal(x, bounds[0]) | _equal(x, bounds[1]))])

@@ -99,6 +99,8 @@ def repeats(columns: Sequence[Array], moving: Mask) -> float:
     moving : ndarray of bool
         `fast_steps` of the joint.
     """
+    if _few(columns, moving, SHARE):
+        return 0.0
     steps = np.abs(np.concatenate([np.diff(x) for x in columns]))[moving]
     changes = steps[steps > 0]
     share = 1.0 - len(changes) / max(len(steps), 1)
@@ -108,12 +110,20 @@ def repeats(columns: Sequence[Array], moving: Mask) -> float:
     return share if share > OFTENER * min(finest / float(np.median(changes)), 1.0) else 0.0
 
 
+def _few(columns: Sequence[Array], moving: Mask, share: float) -> bool:
+    """Return True if repetitions in all rows are at most a share of the moving rows."""
+    repeated = sum(int(np.count_nonzero(x[1:] == x[:-1])) for x in columns)
+    return bool(repeated <= share * np.count_nonzero(moving))
+
+
 def saturated(columns: Sequence[Array], moving: Mask) -> dict[float, float]:
     """Return the bounds at which a column stays, with their shares of fast motion.
 
     The column repeats its least or greatest value, unless 0, more often than it repeats others.
     Parameters are those of `repeats`.
     """
+    if _few(columns, moving, RARE):
+        return {}
     steps = np.abs(np.concatenate([np.diff(x) for x in columns]))[moving]
     repeated = steps == 0
     if repeated.all():

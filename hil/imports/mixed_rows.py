@@ -24,7 +24,7 @@ from hil.least_squares.standstill import increment
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
 
-    from hil.arrays import Array, Integers
+    from hil.arrays import Array, Integers, Mask
     from hil.imports.samples import Samples
 
 ALTERNATING = 3.0
@@ -60,8 +60,8 @@ def source_suspicions(samples: Samples, segments: Sequence[Integers]) -> Iterato
             part = rows[begin : begin + ROWS]
             if len(part) < _ENOUGH:
                 continue
-            q = np.asfortranarray(samples.values[part, : samples.n_joints])
-            q = q.clip(-GREATEST, GREATEST)
+            q = np.asfortranarray(samples.recorded(part)[:, : samples.n_joints])
+            np.clip(q, -GREATEST, GREATEST, out=q)
             if (mixed := _visits(q) or _alternating(q, samples.time[part])) is not None:
                 yield _suspicion(samples, part, mixed)
                 return
@@ -85,13 +85,17 @@ def _suspicion(samples: Samples, rows: Integers, mixed: _Mixed) -> Suspicion:
 def _visits(q: Array) -> _Mixed | None:
     """Find rows of a rarer second source."""
     steps, ranges = np.abs(np.diff(q, axis=0)), np.ptp(q, axis=0)
-    if np.count_nonzero((steps > FAR * ranges).any(axis=1)) < OFTEN * len(q):
+    far = steps.max(axis=0) > FAR * ranges  # usually no step of any joint
+    if np.count_nonzero((steps[:, far] > FAR * ranges[far]).any(axis=1)) < OFTEN * len(q):
         return None
     away, gap = np.minimum(steps[:-1], steps[1:]), np.abs(q[2:] - q[:-2])
+    far = (away > FAR * ranges) & (gap < RETURNED * away)
+    # increments of a part are no smaller, and sorting takes long
+    least = _toggles(q[::16])
+    if np.count_nonzero(_visiting(far, (ranges > least) & (least > 0))) < OFTEN * len(q):
+        return None
     toggles = _toggles(q)
-    far = (away > np.maximum(FAR * ranges, toggles)) & (gap < RETURNED * away)
-    visiting = far.mean(axis=1) >= min(0.5, 0.5 * np.mean(ranges > toggles))
-    visiting &= far.any(axis=1)
+    visiting = _visiting(far & (away > toggles), ranges > toggles)
     rows = 1 + np.flatnonzero(visiting)
     if len(rows) < max(OFTEN * len(q), 3):
         return None
@@ -99,6 +103,11 @@ def _visits(q: Array) -> _Mixed | None:
     if _smooth(q[rows], distance):
         return _Mixed(len(rows), int(rows[0]), distance)
     return None
+
+
+def _visiting(far: Mask, varying: Mask) -> Mask:
+    """Return the rows in which half of the varying joints are far, and one at least."""
+    return np.asarray((far.mean(axis=1) >= min(0.5, 0.5 * varying.mean())) & far.any(axis=1))
 
 
 def _toggles(q: Array) -> Array:

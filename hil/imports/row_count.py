@@ -54,11 +54,13 @@ def repeats_before(samples: Samples, rows: Integers) -> Mask:
     """Return a mask of the rows that repeat the values of the previous row."""
     same = np.zeros(len(rows), dtype=bool)
     for begin in range(1, len(rows), ROWS):
-        part = rows[begin - 1 : begin + ROWS]
-        # rows with a change in the first column are new, so other columns need no check
-        alike = 1 + np.flatnonzero(np.diff(samples.values[part, 0]) == 0)
-        before, after = (np.nan_to_num(samples.values[part[at]]) for at in (alike - 1, alike))
-        same[begin - 1 + alike] = (before == after).all(axis=1)
+        values = samples.recorded(rows[begin - 1 : begin + ROWS])
+        # rows with a change in one column are new, so other columns need no check
+        alike = 1 + np.flatnonzero(np.diff(values[:, 0]) == 0)
+        for x in values.T:
+            if len(alike):
+                alike = alike[np.nan_to_num(x[alike - 1]) == np.nan_to_num(x[alike])]
+        same[begin - 1 + alike] = True
     return same
 
 

@@ -14,7 +14,15 @@ import numpy as np
 from checked_files.yaml_file import FileError
 from hil.imports.column_names import is_time
 from hil.imports.readers import open_table
-from hil.imports.signs import coding_of, could_lack_signs, range_of, register_turn, turn_of, unwrap
+from hil.imports.signs import (
+    coding_of,
+    could_lack_signs,
+    jumps,
+    range_of,
+    register_turn,
+    turn_of,
+    unwrap,
+)
 from hil.imports.tables import SECONDS, NoColumn, column_of, units_of_date
 from hil.imports.to_si import EPOCH, Conversion
 
@@ -81,11 +89,14 @@ class Samples:
         """Number of joints."""
         return int(self.values.shape[1]) // 3
 
+    def recorded(self, rows: Integers) -> Array:
+        """Return the values of rows in the order of time, in consecutive rows without a copy."""
+        consecutive = len(rows) > 0 and rows[-1] - rows[0] == len(rows) - 1
+        return np.asarray(self.values[slice(rows[0], rows[-1] + 1) if consecutive else rows])
+
     def read(self, rows: Integers) -> Array:
         """Return the values of rows in the order of time, with angles unwrapped."""
-        contiguous = len(rows) > 0 and rows[-1] - rows[0] == len(rows) - 1
-        chosen = slice(rows[0], rows[-1] + 1) if contiguous else rows
-        values = np.asarray(self.values[chosen])
+        values = self.recorded(rows)
         if self.wraps:
             values = values.copy()
             values[:, : self.n_joints] = np.unwrap(values[:, : self.n_joints], axis=0)
@@ -277,6 +288,8 @@ def _restore_turns(values: Array, conversion: Conversion, jumping: Mask) -> Iter
         if not (jumping[joint] or coupled):
             continue
         recorded = positions.restore(values, joint)
+        if not jumps(recorded):
+            continue
         rounded = recorded.round()
         rounding = np.abs(np.nan_to_num(recorded - rounded)).max(initial=0.0)
         counts = rounded if rounding < WHOLE else recorded

@@ -137,6 +137,14 @@ def turn_of(x: Array, turns: Sequence[float]) -> float | None:
     return min(fitting, default=None)
 
 
+def jumps(x: Array) -> bool:
+    """Return True if most of the squared steps are jumps over half of the range, unlike noise."""
+    x = x[np.isfinite(x)]
+    steps = np.abs(np.diff(x))
+    far = steps[steps > np.ptp(x) / 2] if len(steps) else steps
+    return bool(far @ far > LEAVES * (steps @ steps))
+
+
 def register_turn(x: Array) -> float | None:
     """Return the count of a register of whole bits that holds all counts; None for other numbers.
 

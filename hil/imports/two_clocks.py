@@ -40,6 +40,8 @@ Half a period of a slow motion distinguishes a lag from friction.
 """
 ROUNDS = 20
 """Maximum number of Newton iterations; a lag of 0.1 s takes about six."""
+PART = 4
+"""Number of rows for each one that is looked at first."""
 REACH = 0.1
 """Maximum change of a lag per iteration [s]: a sixth of a period of the fastest motion of arms."""
 
@@ -114,24 +116,18 @@ def _suspicion(
     *,
     constant: bool = False,
 ) -> Iterator[Suspicion]:
-    parts = [
-        max(1, min(PARTS // len(excerpts), int(len(each.q) * each.period / SHORTEST)))
-        for each in excerpts
-    ]
-    rows, first, most = [], 0, max(PARTS, len(excerpts))
-    for each, n in zip(excerpts, parts, strict=True):
-        samples, (q, qd, qdd, *_), _ = each.fitted
-        X, known = columns(q, qd, qdd)
-        part = (first + np.arange(len(samples)) * n // len(samples)) * PARTS // most
-        rows.append(_Rows(each, key, samples, X[:, shown], known[:, shown], part))
-        first += n
     if not shown.any():
         return
-    together = [each._replace(part=0 * each.part) for each in rows]
-    one, many = _lags(together, shown), _lags(rows, shown) if first > 1 else None
-    period, lag = excerpts[0].period, float(one.lags[0])
+    period = excerpts[0].period
+    # a part of the rows shows what all rows may confirm
+    one, many = _found(_rows(excerpts, shown, key, columns, PART), shown)
+    if abs(one.lags[0]) <= period / 2 and (many is None or _left(many, one) > np.sqrt(LEAVES)):
+        return
+    rows = _rows(excerpts, shown, key, columns, 1)
+    one, many = _found(rows, shown)
+    lag = float(one.lags[0])
     late = constant and abs(lag) > period
-    late = late and _left(one, _lags(together, shown, reach=0.0)) <= LEAVES
+    late = late and _left(one, _lags(_together(rows), shown, reach=0.0)) <= LEAVES
     # the instant of a row is known within a period; a lag that is found may change by half
     change = 0.0 if many is None else float(np.ptp(many.lags))
     least = LEAVES * abs(lag) if late else np.inf
@@ -142,6 +138,36 @@ def _suspicion(
         yield Suspicion(check, place, _words(name, many), certain=False, first=True)
     elif late:
         yield late_torques(lag)
+
+
+def _rows(
+    excerpts: Sequence[Excerpt],
+    shown: Mask,
+    key: str,
+    columns: Callable[[Array, Array, Array], tuple[Array, Array]],
+    step: int,
+) -> list[_Rows]:
+    """Return every `step`-th row of the excerpts."""
+    rows, first, most = [], 0, max(PARTS, len(excerpts))
+    for each in excerpts:
+        samples, (q, qd, qdd, *_), _ = each.fitted
+        samples, n = samples[::step], PARTS // len(excerpts)
+        n = max(1, min(n, int(len(each.q) * each.period / SHORTEST)))
+        X, known = columns(q[::step], qd[::step], qdd[::step])
+        part = (first + np.arange(len(samples)) * n // len(samples)) * PARTS // most
+        rows.append(_Rows(each, key, samples, X[:, shown], known[:, shown], part))
+        first += n
+    return rows
+
+
+def _together(rows: Sequence[_Rows]) -> list[_Rows]:
+    return [each._replace(part=0 * each.part) for each in rows]
+
+
+def _found(rows: Sequence[_Rows], shown: Mask) -> tuple[_Lags, _Lags | None]:
+    """Return a common lag, and the lags of several parts."""
+    several = any(each.part.any() for each in rows)
+    return _lags(_together(rows), shown), _lags(rows, shown) if several else None
 
 
 def late_torques(lag: float) -> Suspicion:

@@ -25,6 +25,8 @@ FEWEST = 5
 CARRIED = 1e-4
 """Largest deflection of a standing axis, relative to the widest range of the axes: servos hold arms
 to some 0.1 mrad during motions of some rad (the twins of `tests/robots`)."""
+NOISY = 10.0
+"""Width of the noise band in standard deviations: one sample of two million lies outside."""
 ROUNDING = 1e-9
 """Rounding of converted counts, relative to the position: a count of 32 bits has 2e-10."""
 
@@ -48,17 +50,23 @@ def extent(q: Array, period: float) -> Extent:
     size = max(float(np.abs(left).max()), np.finfo(float).tiny)  # scaled: squares may overflow
     scatter = size * np.sqrt(((left / size) ** 2).sum(axis=(0, 1)) / (len(spans) * (span - 3)))
     means = spans.mean(axis=1)
-    noise = np.maximum(scatter, [increment(each) / np.sqrt(12.0) for each in q.T])
-    return Extent(means.min(axis=0), means.max(axis=0), noise)
+    noise = [_noise(*each) for each in zip(q.T, scatter.tolist(), strict=True)]
+    return Extent(means.min(axis=0), means.max(axis=0), np.array(noise))
+
+
+def _noise(x: Array, scatter: float) -> float:
+    """Return the scatter, or the noise of rounding if this is greater."""
+    # a part has an increment no smaller than that of all samples, and sorting takes long
+    if 0.0 < increment(x[::16]) < np.sqrt(12.0) * scatter:
+        return scatter
+    return float(np.maximum(scatter, increment(x) / np.sqrt(12.0)))
 
 
 def moving(extents: Sequence[Extent]) -> Mask:
     """Find the moving axes from the extents of the recordings, shape (n_joints,)."""
     low, high, noise = (np.array(each) for each in zip(*extents, strict=True))
     reach = high.max(axis=0) - low.min(axis=0)
-    # width of the noise band: 5 standard deviations to either side, exceeded by one of two million
-    # samples
-    band = np.maximum(10.0 * noise.max(axis=0), CARRIED * reach.max())
+    band = np.maximum(NOISY * noise.max(axis=0), CARRIED * reach.max())
     return np.asarray(reach > np.maximum(band, ROUNDING * np.abs([low, high]).max(axis=(0, 1))))
 
 

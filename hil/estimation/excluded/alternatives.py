@@ -124,14 +124,14 @@ class Reading:
         `known` are regressor rows of this motion by channel and joint; missing ones are added.
         """
         motion, known = self.motion(evidence), {} if known is None else known
-        torque, X = evidence.recorded.copy(), np.zeros_like(evidence.X)
-        for channel in np.unique(evidence.axis):
-            joint, rows = self.torques.index(int(channel)), evidence.axis == channel
+        torque, X = evidence.recorded.copy(), np.empty_like(evidence.X)
+        for channel, rows in evidence.channels:
+            joint = self.torques.index(channel)
             factor = self.sign_tau[joint] * self.gain[joint]
             q, qd, qdd = (x[rows] for x in motion)
-            if (at := (int(channel), joint)) not in known:
+            if (at := (channel, joint)) not in known:
                 known[at] = regressor(robot, q, qd, qdd, [joint], self.gravity)[:, 0]
-            X[rows] = factor * known[at]
+            np.multiply(factor, known[at], out=X[rows])
             inertia = robot.reflected_inertia[joint] / self.gear[joint] ** 2
             torque[rows] -= factor * inertia * qdd[:, joint]
         return torque, X

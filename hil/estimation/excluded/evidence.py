@@ -131,6 +131,13 @@ class Evidence:
         return replace(self, own=own[:, :0], parts=tuple(parts))
 
     @property
+    def channels(self) -> list[tuple[int, slice]]:
+        """Axes with rows, from 0, and their rows."""
+        begins = np.flatnonzero(np.diff(self.axis, prepend=-1)).tolist()
+        ends = [*begins[1:], len(self.axis)]
+        return [(int(self.axis[a]), slice(a, b)) for a, b in zip(begins, ends, strict=True)]
+
+    @property
     def overlap(self) -> float:
         """Dispersion of white noise: rows closer than the window's width share samples."""
         found = np.ones(len(self.axis))
@@ -152,8 +159,10 @@ class Evidence:
         axis : ndarray of int, shape (n,), optional
             Axes of the rows, if in another order.
         """
-        axis = self.axis if axis is None else axis
-        channels = [rows[axis == each] for each in range(self.n_channels)]
+        runs = dict(self.channels)
+        channels = [rows[runs.get(each, slice(0))] for each in range(self.n_channels)]
+        if axis is not None:
+            channels = [rows[axis == each] for each in range(self.n_channels)]
         counts = np.array([float(len(own)) for own in channels])
         for at, Q in self.parts:
             counts[self.axis[at.start]] -= Q.shape[1]

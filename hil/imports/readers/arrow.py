@@ -55,4 +55,4 @@ def plain_rows(text: bytes, delimiter: str, width: int, columns: Sequence[int]) 
     except ValueError:  # such as `ArrowInvalid`
         return None
     found = {name: numbers(table[name].combine_chunks()) for name in wanted}
-    return np.stack([found[names[column]] for column in columns], axis=1)
+    return np.stack([found[names[column]] for column in columns]).T

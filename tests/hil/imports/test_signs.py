@@ -93,6 +93,17 @@ def test_an_encoder_of_one_turn_on_the_motor_is_unwrapped(tmp_path, side, counts
     assert not found[0].doubts
 
 
+def test_noise_of_a_joint_at_rest_is_no_register_that_overflows(tmp_path):
+    columns, rng = table(rate=1000.0), np.random.default_rng(3)
+    noise = rng.standard_normal(len(columns["q2"])).clip(-3.5, 3.5)
+    columns["q2"] = 0.5 + (1e-5 * noise).round(6)
+    write_csv(tmp_path / "data.csv", columns)
+    found = []
+    content = a_map(accept=["still"])
+    import_recordings([write_map(tmp_path, content)], tmp_path / "run", found.append)
+    assert "unwrapped" not in "\n".join(found[0].lines())
+
+
 TIME = np.arange(3000) / 100
 
 
