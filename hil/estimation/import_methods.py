@@ -47,6 +47,7 @@ from hil.estimation.free_motion.description import (
     driving_axes,
     remarks,
     repeated_torques,
+    silent_axes,
     torque_lags,
 )
 from hil.estimation.free_motion.gathering import gather, gather_rates, rate_regressions
@@ -166,10 +167,14 @@ def estimate_from(
     """
     found, scaling, choice = gathered.found, gathered.scaling, gathered.choice
     processing, products = gathered.processing, gathered.products
-    visited = configurations(found)
-    solution = solve(robot, products, choice, solver, visited, found.still, options)
+    visited, silent = configurations(found), silent_axes(gathered.stretches, found.still)
+    of = visited, found.still, options
+    try:
+        solution = solve(robot, products, choice, solver, *of, silent=bool(silent))
+    except NotIdentifiable as error:
+        raise NotIdentifiable(". ".join([*silent, str(error)])) from error
     classical = classical_choice(products, weighted=True)
-    plain = solve(robot, products, classical, "least squares", visited, found.still, options).fit
+    plain = solve(robot, products, classical, "least squares", *of, silent=bool(silent)).fit
     fit, n = solution.fit, len(gathered.first)
     left = Residuals.compute(gathered, products, fit)
     details = FreeMotionFit(
@@ -184,7 +189,7 @@ def estimate_from(
         relative_residual=left.relative,
         overall_residual=left.overall,
         naive_residual=left.naive,
-        repeated=repeated_torques(found.stretches),
+        repeated=repeated_torques(gathered.stretches),
         blocks=products.n_pieces,
         still=tuple(axis + 1 for axis in found.still),
         rest={axis + 1: float(found.rest[axis]) for axis in found.still},
@@ -193,8 +198,11 @@ def estimate_from(
         not_identified=_names(robot, solution),
         bias_test=bias_test(robot, gathered.stretches, scaling, choice, gathered.first),
         least_inertia=least_inertia(robot, fit.x[:n], visited),
-        remarks=remarks(
-            robot, products, solution, found, plain.condition, left.torque, processing.held
+        remarks=(
+            *silent,
+            *remarks(
+                robot, products, solution, found, plain.condition, left.torque, processing.held
+            ),
         ),
         gains=found_gains(robot, scaling, fit),
         lag=torque_lags(gathered),

@@ -3,6 +3,10 @@
 Noise is the scatter of positions about parabolas over spans too short for a robot to reverse, or
 the rounding to encoder increments. An axis moves if its range, with noise averaged over these
 spans, is wider than the noise band; a locked axis with a noisy encoder counts as standing.
+
+A brake may close while an axis rests and open while it moves: drives then record exactly the same
+torque, often 0, whatever the other axes do. Such samples are left out (`braked`). A torque that is
+only nearly constant, or constant while all axes rest, still shows the weight.
 """
 
 from __future__ import annotations
@@ -29,6 +33,11 @@ NOISY = 10.0
 """Width of the noise band in standard deviations: one sample of two million lies outside."""
 ROUNDING = 1e-9
 """Rounding of converted counts, relative to the position: a count of 32 bits has 2e-10."""
+
+
+FLICKER = 1.65
+"""Median second difference of white noise, over its standard deviation: noise as large as an
+increment keeps three values in ten, so twenty in a row are no chance."""
 
 
 class Extent(NamedTuple):
@@ -76,3 +85,28 @@ def increment(x: Array) -> float:
     # positions in rad or m: increments are no smaller than those of a range of 1
     real = steps[steps > ROUNDING * max(1.0, float(np.abs(x).max()))]
     return float(real.min(initial=np.inf)) if len(real) else 0.0
+
+
+def braked(q: Array, tau: Array, period: float, shortest: int) -> Mask:
+    """Return a mask of samples at rest, shape (n, n_joints), whose torque says nothing.
+
+    The torque of an axis is exactly constant over at least `shortest` samples in which the axis
+    rests and another one moves. Elsewhere it changes by more than its increment, so rounding does
+    not explain this.
+    """
+    found = np.zeros(q.shape, dtype=bool)
+    low, high, noise = extent(q, period)
+    band = np.maximum(NOISY * noise, CARRIED * np.max(high - low))
+    for axis, x in enumerate(tau.T):
+        cuts = np.flatnonzero(np.diff(x)) + 1
+        edges = np.concatenate([[0], cuts, [len(x)]])
+        runs = np.flatnonzero(np.diff(edges) >= shortest).tolist()
+        free = np.repeat(np.diff(edges) < shortest, np.diff(edges))[1:-1]
+        bends = np.abs(np.diff(x, 2))[free]
+        if not runs or not len(bends) or np.median(bends) < FLICKER * increment(x):
+            continue
+        for k in runs:
+            run = slice(*edges[k : k + 2].tolist())
+            moves = np.ptp(q[run], axis=0) > band
+            found[run, axis] = moves.any() and not moves[axis]
+    return found

@@ -234,13 +234,20 @@ OF_FREE_MOTIONS: tuple[Rule[FreeMotionFit], ...] = (
                 f"{_axes(fit.still)} {'does' if len(fit.still) == 1 else 'do'}",
                 ", ".join(fit.not_identified),
             )
-            if fit.not_identified
+            if fit.not_identified and fit.still
             else ()
         ),
         "{0[0]} not move in the recordings: {0[1]} not identified, and only motions with this "
         "position are predicted",
         "add recordings in which it moves; or state its rotor_inertia in the robot file, and take "
         "bodies from CAD (hil identify --prior cad=0.3 --urdf FILE)",
+    ),
+    When(
+        lambda fit: () if fit.still else ", ".join(fit.not_identified),
+        "the motions hardly excite {0}, in combination with others: not identified, and only "
+        "motions like the recorded ones are predicted",
+        "add motions of other frequencies and ranges; or take bodies from CAD (hil identify "
+        "--prior cad=0.3 --urdf FILE)",
     ),
 )
 

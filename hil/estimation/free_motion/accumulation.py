@@ -223,9 +223,12 @@ def recorded_products(
         used = slice(parts[0].start, parts[-1].stop)
         every = every_axis(robot, motion, first, motion.tau, terms, soft)
         for axis, rows in enumerate(each[used] for each in every):
-            own.add(axis, rows, time, speeds[:, axis])
+            some = motion.telling[used, axis]
+            if not some.any():
+                continue
+            own.add(axis, rows[some], time[some], speeds[some, axis])
             if states is not None:
-                cells.add(axis, rows, states, speeds[:, axis])
+                cells.add(axis, rows[some], states[some], speeds[some, axis])
         pieces.append(own)
         origin += [number] * len(parts)
         if instruments:
@@ -322,14 +325,14 @@ def every_axis(
     terms: tuple[str, ...],
     soft: tuple[int, ...],
 ) -> Iterator[Array]:
-    """Yield torque and columns of every axis, filtered; zeros for a held axis."""
+    """Yield torque and columns of every axis, filtered; zeros while an axis is held."""
     A = regressor(robot, motion.q, motion.qd, motion.qdd)
     gears = soft_gears(robot, motion, first, soft)
     for axis in range(robot.n_joints):
         columns = axis_columns(robot, motion, axis, A[:, axis], first, terms, gears)
         passed = motion.passed(columns)
         rows = side_by_side(y[: len(passed), axis], passed[: len(y)])
-        yield np.zeros_like(rows) if axis in motion.processing.held else rows
+        yield rows * (motion.telling[: len(rows), [axis]] & (axis not in motion.processing.held))
 
 
 def pieces_of(motion: Motion, length: float) -> list[slice]:

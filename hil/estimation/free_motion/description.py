@@ -24,12 +24,12 @@ if TYPE_CHECKING:
     from hil.estimation.free_motion.accumulation import Products
     from hil.estimation.free_motion.choice import Choice
     from hil.estimation.free_motion.gathering import Gathered
+    from hil.estimation.free_motion.motion import Motion
     from hil.estimation.free_motion.solution import Solution
     from hil.estimation.free_motion.survey import Survey
     from hil.least_squares.blocks import Blocks
     from hil.least_squares.regression import Fit
     from hil.model.robot import Robot
-    from hil.runs.recording import Recording
 
 SHORT = 30.0
 """Shortest total duration of the recordings without a remark [s]."""
@@ -166,7 +166,7 @@ class Residuals:
         return tuple(each / torque if torque > 0 else None for each, torque in both)
 
 
-def repeated_torques(stretches: Sequence[Recording]) -> tuple[float, ...]:
+def repeated_torques(stretches: Sequence[Motion]) -> tuple[float, ...]:
     """Return the share of the most frequent torque in the faster half of the samples, by axis.
 
     Above one half, the median distance of the torque from a single value is zero: a dead band, or
@@ -174,13 +174,32 @@ def repeated_torques(stretches: Sequence[Recording]) -> tuple[float, ...]:
     """
     shares = []
     for axis in range(stretches[0].q.shape[1]):
-        # distance in nine samples, as encoders of low resolution do not change in every sample
-        ways = [np.convolve(np.diff(each.q[:, axis]), np.ones(9), "same") for each in stretches]
-        way = np.abs(np.concatenate(ways))
-        torque = np.concatenate([each.tau[1:, axis] for each in stretches])
-        _, counts = np.unique(torque[way >= np.median(way)], return_counts=True)
-        shares.append(float(counts.max() / counts.sum()))
+        ways, torques = [], []
+        for motion in stretches:
+            each, every = motion.recording, motion.rates.fine * motion.rates.coarse
+            # distance in nine samples, as encoders of low resolution do not change in every sample
+            way = np.abs(np.convolve(np.diff(each.q[:, axis]), np.ones(9), "same"))
+            free = np.repeat(motion.telling[:, axis], every)[1 : each.n_samples]
+            ways.append(way[free])
+            torques.append(each.tau[1:, axis][free])
+        way, torque = np.concatenate(ways), np.concatenate(torques)
+        middle = np.median(way) if len(way) else 0.0
+        _, counts = np.unique(torque[way >= middle], return_counts=True)
+        shares.append(float(counts.max(initial=0) / max(counts.sum(), 1)))
     return tuple(shares)
+
+
+def silent_axes(stretches: Sequence[Motion], still: Sequence[int]) -> tuple[str, ...]:
+    """Return a remark on axes, from 0, with samples that a brake makes silent."""
+    silent = ~np.all([each.telling[each.used].all(axis=0) for each in stretches], axis=0)
+    axes = [str(axis + 1) for axis in np.flatnonzero(silent).tolist() if axis not in still]
+    if not axes:
+        return ()
+    axis = f"axis {axes[0]}: torque" if len(axes) == 1 else f"axes {', '.join(axes)}: torques"
+    return (
+        f"{axis} constant at rest while others move, as with a closed brake: not used there; add "
+        "motions of several axes at once",
+    )
 
 
 def remarks(

@@ -26,6 +26,8 @@ import numpy as np
 from scipy import fft
 
 from hil.friction.direction import bent, friction_direction, sign_of_velocity
+from hil.least_squares.standstill import braked
+from hil.least_squares.window import widen
 
 if TYPE_CHECKING:
     from hil.arrays import Array, Indices, Mask
@@ -212,6 +214,8 @@ class Motion:
         Torque, filtered and with compensated lag [N m or N], at `rates.coarse`.
     used : ndarray of bool, shape (n_used,)
         Samples unaffected by reflected samples.
+    telling : ndarray of bool, shape (n_used, n_joints)
+        Samples unaffected by a torque that a brake makes constant.
     recording : Recording
         Source of the motion.
     offset : int
@@ -225,6 +229,7 @@ class Motion:
     qdd: Array
     tau: Array
     used: Mask
+    telling: Mask
     recording: Recording
     offset: int = 0
 
@@ -311,7 +316,14 @@ def filtered_motion(recording: Recording, processing: Processing, offset: int = 
     spoilt = processing.spoilt(period * every)
     used = np.zeros(len(tau), dtype=bool)
     used[spoilt : len(tau) - spoilt] = True
-    return Motion(processing, rates, q, qd, qdd, tau, used, recording, offset)
+    far = reach(period, band)
+    # runs shorter than the filter's response cannot be told from their neighbours
+    silent = braked(recording.q, recording.tau, period, 2 * far)
+    axes = np.flatnonzero(silent.any(axis=0))
+    for axis in axes.tolist():
+        silent[:, axis] = widen(silent[:, axis], far)
+    telling = ~silent[::every][: len(tau)]
+    return Motion(processing, rates, q, qd, qdd, tau, used, telling, recording, offset)
 
 
 def _motion(

@@ -212,7 +212,9 @@ def _condensed(
             ways = DISTANCES * motion.processing.speed[axis]
             z = side_by_side(*(motion.direction_after(axis, way) for way in ways))
             each = rows[:, :k], tau[:, axis, 1:], rows[:, k:], motion.passed(z)
-            found[-1].add(axis, side_by_side(*(x[used] for x in each)), time, fast[:, axis])
+            some, joined = motion.telling[used, axis], side_by_side(*(x[used] for x in each))
+            if some.any():
+                found[-1].add(axis, joined[some], time[some], fast[some, axis])
     of_all, of_fast = (
         each.grouped(GROUPS) for each in Groups.joined(found).speed_classes(shared, own)
     )

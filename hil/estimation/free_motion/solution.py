@@ -32,7 +32,7 @@ from hil.estimation.options import DEFAULTS
 from hil.estimation.prior import least_unknowns, open_covariance
 from hil.least_squares.layout import embedded
 from hil.least_squares.regression import Regression, Solver
-from hil.least_squares.solving import condition, inverse, solved, undetermined
+from hil.least_squares.solving import RANK, condition, inverse, solved, undetermined
 from hil.model.base_parameters import base_parameters
 
 if TYPE_CHECKING:
@@ -87,6 +87,8 @@ def solve(
     configurations: Array,
     still: Sequence[int] = (),
     options: Options = DEFAULTS,
+    *,
+    silent: bool = False,
 ) -> Solution:
     """Solve for the unknowns of base parameters and friction.
 
@@ -98,6 +100,9 @@ def solve(
         Axes at rest, from 0.
     options : Options
         Covariance rule, and a prior for parameters not excited by the motion.
+    silent : bool
+        True if brakes hide torques at rest: parameters without data are then left out of the model
+        unless it explains less without them.
 
     Raises
     ------
@@ -110,7 +115,7 @@ def solve(
             "no axis moves in the recordings: no position leaves the noise band of its encoder; "
             "add recordings in which the joints move, or name other columns of positions"
         )
-    if options.prior is None:
+    if options.prior is None and not silent:
         require_determined(robot, pieces, still)
     if callable(solver):
         asked = replace(pieces, solver=solver)
@@ -123,13 +128,17 @@ def solve(
     covariance += split_covariance(only_directions(products.pieces[1]), fit.layout, fit.x)
     fit = replace(fit, covariance=covariance, condition=condition(pieces.normal.information))
     # no weight: torque 0 throughout, so the friction of such an axis is in no equation so far
-    silent = (choice.weights == 0) & ~np.isin(np.arange(robot.n_joints), still)
+    mute = (choice.weights == 0) & ~np.isin(np.arange(robot.n_joints), still)
     if solver == "positive":
         fit = replace(fit, covariance=covariance + covariance_of_choices(products, choice))
         found = settled(robot, pieces, fit, configurations, options.prior)
-        refitted = np.flatnonzero(silent | (choice.slowest > 0))
+        refitted = np.flatnonzero(mute | (choice.slowest > 0))
     else:
-        found, refitted = settled(robot, pieces, fit, None, options.prior), np.flatnonzero(silent)
+        found, refitted = settled(robot, pieces, fit, None, options.prior), np.flatnonzero(mute)
+    if silent and options.prior is None:
+        before, after = (pieces.blocks.mean_squares(x) for x in (fit.x, found.fit.x))
+        if np.any(after > (1.0 + MATERIAL) ** 2 * before):
+            require_determined(robot, pieces, still)
     if not len(refitted):
         return found
     return replace(found, fit=refit_friction(products, found.fit, options.covariance, refitted))
@@ -156,10 +165,22 @@ def settled(
         fit, share = _completed(robot, pieces, fit, prior)
         # a prior states bodies, no springs and rotors
         lost = lost[~prior.predict(robot)[1][lost].any(axis=1)]
+    if len(lost) == n:  # combinations of all: as many names as there are combinations
+        lost = lost[_independent(wide[np.ix_(fit.kept[lost], fit.kept[lost])])]
     found = Solution(fit)
     if configurations is not None:
         found = _possible(robot, pieces, fit, configurations, wide)
     return replace(found, prior_share=share, lost=tuple(lost.tolist()))
+
+
+def _independent(covariance: Array) -> Indices:
+    """Return the places of as many unknowns as a covariance, shape (n, n), has directions."""
+    from scipy.linalg import qr  # noqa: PLC0415 - takes long to load
+
+    error = np.sqrt(np.diag(covariance))
+    _, R, order = qr(covariance / np.outer(error, error), pivoting=True)
+    size = np.abs(np.diag(R))
+    return np.sort(order[size > np.sqrt(RANK) * size[0]])
 
 
 def refit_friction(products: Products, fit: Fit, covariance: Covariance, axes: Indices) -> Fit:
@@ -247,7 +268,8 @@ def require_determined(robot: Robot, pieces: Regression, still: Sequence[int]) -
     """
     base, N = base_parameters(robot), pieces.normal.information
     lost = _open(N, len(base))
-    if not lost:
+    # a weakly excited combination is not identified, but leaves a model of motions like these
+    if not lost or not _open(N, len(base), len(N) * np.finfo(float).eps):
         return
     # base parameters equal to an unknown rotor inertia of a slide, by column
     slides = np.flatnonzero(~robot.revolute).tolist()
@@ -272,9 +294,9 @@ def require_determined(robot: Robot, pieces: Regression, still: Sequence[int]) -
         raise NotIdentifiable(". ".join(reasons))
 
 
-def _open(N: Array, n: int) -> list[int]:
+def _open(N: Array, n: int, rank: float = RANK) -> list[int]:
     """Return the unknowns among the first `n` that the normal equations do not determine."""
-    return np.flatnonzero((undetermined(N) | (np.diag(N) == 0))[:n]).tolist()
+    return np.flatnonzero((undetermined(N, rank) | (np.diag(N) == 0))[:n]).tolist()
 
 
 def _listed(base: BaseParameters, columns: Sequence[int]) -> str:

@@ -5,13 +5,15 @@ from dataclasses import replace
 import free_run
 import numpy as np
 import pytest
-from free_run import TRUTH, arm, recorded, some_motion
+from free_run import TRUTH, arm, classical, recorded, some_motion
 
 from hil.estimation import import_methods
 from hil.estimation.identify import estimate
 from hil.estimation.options import Options
 from hil.estimation.prior import Prior
+from hil.least_squares.standstill import braked
 from hil.model.dynamics import inverse_dynamics, regressor
+from hil.model.motors import motor_torque
 
 BODIES = np.array([
     [0.5, 0.1, 0.0, 3.0, 0.0, 3.0, 4.0, 0.5, 0.2, 10.0],
@@ -110,3 +112,38 @@ def test_a_prior_of_bodies_leaves_a_rotor_without_data_unidentified(monkeypatch,
     assert found.details.not_identified == (("p7",) if method == "free motion" else ())
     assert found.covariance[6, 6] > 1.0
     assert np.isfinite(found.covariance).all()
+
+
+@pytest.mark.parametrize("level", [0.0, 4.0])
+def test_rests_with_a_closed_brake_are_left_out(level):
+    """While an axis rests, its drive records a constant torque; the brake carries the load."""
+    robot, data = arm(), recorded(arm(), TRUTH)
+    rng = np.random.default_rng(3)
+    for _, recording in data:
+        t = recording.time
+        motion = [each.copy() for each in some_motion(t, 1)]
+        for axis, rests, end in ((0, t < 8, -1), (1, t > 12, 0)):
+            for x, kept in zip(motion, (1.0, 0.0, 0.0), strict=True):
+                x[rests, axis] = kept * x[rests, axis][end]
+        recording.q[:] = motion[0]
+        recording.tau[:] = inverse_dynamics(robot, TRUTH, *motion)
+        recording.tau[:] += classical(motion[1]) + motor_torque(robot, *motion)
+        recording.tau[:] += 0.3 * rng.standard_normal(recording.tau.shape)
+        recording.tau[t < 8, 0] = recording.tau[t > 12, 1] = level
+    found = estimate(robot, data, "free motion")
+    assert "axes 1, 2: torques constant at rest" in "\n".join(found.details.remarks)
+    assert np.all(np.abs(found.values - TRUTH) < 5.0 * found.half_width())
+    assert max(found.details.relative_residual) < 0.2
+
+
+def test_a_constant_torque_of_an_arm_at_rest_shows_its_weight():
+    (_, recording), *_ = recorded(arm(), TRUTH)
+    recording.q[:1000], recording.tau[:1000] = recording.q[1000], recording.tau[1000]
+    assert not braked(recording.q, recording.tau, recording.period, 100).any()
+    recording.q[500:1000, 0] += np.linspace(0.0, 0.2, 500)
+    assert (
+        braked(recording.q, recording.tau, recording.period, 100)[:1000].tolist()
+        == [[False, True]] * 1000
+    )
+    recording.tau[:] = recording.tau.round(-1)  # rounding hides the changes
+    assert not braked(recording.q, recording.tau, recording.period, 100).any()

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+from contextlib import nullcontext
 from dataclasses import fields, replace
+from types import SimpleNamespace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -10,8 +12,10 @@ import pytest
 from free_run import TRUTH, arm, recorded
 
 from hil.errors import NotEnoughData, NotIdentifiable
+from hil.estimation.free_motion.solution import _independent, require_determined
 from hil.estimation.free_motion.variants import VARIANTS
 from hil.estimation.identify import default_method, estimate
+from hil.estimation.prior import open_covariance
 from hil.model.dynamics import inverse_dynamics
 from hil.model.motors import motor_torque
 from hil.planning.free_motion import FreeMotion
@@ -137,6 +141,18 @@ def test_what_motions_of_all_axes_do_not_excite_is_refused_by_name(robot: Robot)
         recording.q[:, 1] = 0.3 - recording.q[:, 0]
     with pytest.raises(NotIdentifiable, match=r"do not excite .*p"):
         estimate(robot, data, "free motion")
+
+
+@pytest.mark.parametrize(("excited", "lost"), [(3e-13, 0), (0.0, 1)])
+def test_only_what_no_motion_excites_is_refused(robot: Robot, excited: float, lost: int) -> None:
+    n = len(TRUTH)
+    W = np.linalg.qr(np.random.default_rng(1).standard_normal((n, n)))[0]
+    N = W @ np.diag([excited, *np.ones(n - 1)]) @ W.T
+    pieces = SimpleNamespace(normal=SimpleNamespace(information=N))
+    with pytest.raises(NotIdentifiable, match="do not excite") if lost else nullcontext():
+        require_determined(robot, pieces, ())  # type: ignore[arg-type]
+    wide = open_covariance(robot, N)
+    assert len(_independent(wide)) == 1
 
 
 @pytest.mark.parametrize("n_samples", [30, 120])
