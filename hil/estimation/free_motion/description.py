@@ -218,11 +218,11 @@ def remarks(
     axis, and `held` are the axes at rest whose torque is not used, from 0.
     """
     said = []
+    few = f"{products.n_pieces} independent blocks of time, at least {FEW_BLOCKS}"
+    short = f"{found.duration:.3g} s of recordings, at least {SHORT:g} s"
     if found.duration < SHORT or products.n_pieces < FEW_BLOCKS:
-        said.append(
-            f"{found.duration:.3g} s of recordings, at least {SHORT:g} s needed: intervals may "
-            "be too small; add recordings"
-        )
+        lacking = short if found.duration < SHORT else few
+        said.append(f"{lacking} needed: intervals may be too small; add recordings")
     if condition > POOR:
         said.append(
             f"condition number {condition:.3g}: some combinations of parameters and friction "

@@ -100,6 +100,16 @@ def _refuse_unreadable(path: Path) -> None:
                 )
 
 
+def _is_text(path: Path) -> bool:
+    """Return True for a file that begins with numbers as text."""
+    try:
+        with path.open("rb") as file:
+            head = file.read(1 << 10)
+    except OSError:
+        return False
+    return head.isascii() and b"\0" not in head and any(map(str.isdigit, head.decode()))
+
+
 def _reader(path: Path) -> Callable[[Path, Format], Table]:
     """Import the reader of a format with its dependencies."""
     ending = Path(path.stem).suffix.lower() if path.suffix == ".gz" else path.suffix.lower()
@@ -108,6 +118,8 @@ def _reader(path: Path) -> Callable[[Path, Format], Table]:
             reader = getattr(import_module(f"hil.imports.readers.{module}"), function)
             return cast("Callable[[Path, Format], Table]", reader)
     remedy = next((f"; {how}" for endings, how in _SAVE_AS.items() if ending in endings), "")
+    if not remedy and _is_text(path):
+        remedy = "; it holds rows of text: rename it to end in .txt"
     raise FileError(
         f"{path}: {path.suffix or 'no ending'} is an unknown format{remedy}; known:"
         f" {', '.join(KNOWN)}, and rosbag2 folders"

@@ -235,7 +235,7 @@ class _Lines:
 
 
 def open_json(path: Path, _: Format) -> ParquetTable:
-    """Open objects of JSON, on separate lines or in a single list."""
+    """Open objects of JSON, on separate lines or in a single list, or an object of columns."""
     with needed_for(path):
         from pyarrow import ArrowException  # noqa: PLC0415 - optional
         from pyarrow.json import read_json  # noqa: PLC0415
@@ -257,6 +257,8 @@ def open_json(path: Path, _: Format) -> ParquetTable:
 def _lines(path: Path, text: str) -> BytesIO | None:
     """Return the objects of a list of JSON as lines; None for a file of lines.
 
+    A single object of equally long lists holds columns, whose samples are returned.
+
     Raises
     ------
     FileError
@@ -264,6 +266,7 @@ def _lines(path: Path, text: str) -> BytesIO | None:
     """
     listed = text.lstrip().startswith("[")
     decoder, lines = json.JSONDecoder(parse_constant=lambda _: None), BytesIO()
+    row: dict[str, object] = {}
     counted, most, at = _Cells(), allowed(path), text.find("[") + 1 if listed else 0
     while at < len(text):
         if text[at] in " \t\r\n" or (listed and text[at] in ",]"):
@@ -275,11 +278,20 @@ def _lines(path: Path, text: str) -> BytesIO | None:
             refuse_beyond(path, counted.size, f"{counted.n_columns} columns")
         if listed:
             lines.write(json.dumps(row).encode() + b"\n")
+    columns = {name: x for name, x in row.items() if isinstance(x, list)} if counted.n == 1 else {}
+    longest = max(map(len, columns.values()), default=0)
+    columns = {name: x for name, x in columns.items() if len(x) == longest}
+    if not listed and longest > 1 and len(columns) > 1:
+        size = longest * (CELL * len(columns) + sum(map(len, columns)))
+        refuse_beyond(path, size, f"{longest} samples")
+        for values in zip(*columns.values(), strict=True):
+            lines.write(json.dumps(dict(zip(columns, values, strict=True))).encode() + b"\n")
+    listed |= lines.tell() > 0
     lines.seek(0)
     return lines if listed else None
 
 
-def _object_at(decoder: json.JSONDecoder, text: str, begin: int) -> tuple[object, int]:
+def _object_at(decoder: json.JSONDecoder, text: str, begin: int) -> tuple[Any, int]:
     """Return an object and the place of its end; text far beyond is not parsed."""
     length = 1 << 12
     while True:
@@ -301,6 +313,11 @@ class _Cells:
         self._slots: dict[_Keys, int] = {(): 0}
         self._names: dict[_Keys, set[str]] = {}
         self.n_columns = 0
+
+    @property
+    def n(self) -> int:
+        """Number of objects."""
+        return self._slots[()]
 
     @property
     def size(self) -> int:

@@ -32,6 +32,21 @@ def test_objects_of_json_are_rows_and_lists_in_them_joints(tmp_path, name):
     assert "mode" in open_table(tmp_path / name, Format()).left_out
 
 
+def test_an_object_of_columns_holds_samples(tmp_path):
+    pytest.importorskip("pyarrow")
+    columns = {"meta": {"rate": 100}, "time": T.tolist(), "q": Q.tolist(), "names": ["a", "b"]}
+    (tmp_path / "a.json").write_text(json.dumps(columns))
+    np.testing.assert_array_equal(
+        read(tmp_path / "a.json", "q/2", "time"), np.stack([Q[:, 1], T], 1)
+    )
+
+
+def test_text_of_another_ending_is_to_be_renamed(tmp_path):
+    (tmp_path / "a.t").write_text(" 0.01 1.5\n 0.02 1.6\n")
+    with pytest.raises(FileError, match=r"rename it to end in \.txt"):
+        open_table(tmp_path / "a.t", Format())
+
+
 def test_numbers_that_come_later_or_are_missing_are_no_error(tmp_path):
     pytest.importorskip("pyarrow")
     lines = '{"t": 0, "q": [1]}\n{"t": 1}\n{"t": 2, "q": [0.5], "x": 7}\n'

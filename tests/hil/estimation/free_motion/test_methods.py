@@ -126,6 +126,16 @@ def test_a_short_recording_carries_a_warning(robot: Robot) -> None:
     assert any("s needed: intervals may be too small" in remark for remark in found.remarks)
 
 
+def test_few_blocks_carry_a_warning_that_names_them(
+    robot: Robot, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("hil.estimation.free_motion.description.FEW_BLOCKS", 10**6)
+    found = estimate(robot, recorded(robot, TRUTH), "free motion").details
+    assert found is not None
+    remarks = "\n".join(found.remarks)
+    assert "independent blocks of time, at least 1000000 needed: intervals may be" in remarks
+
+
 def test_recordings_in_which_nothing_moves_are_refused(robot: Robot) -> None:
     data, rng = recorded(robot, TRUTH), np.random.default_rng(1)
     for _, recording in data:
