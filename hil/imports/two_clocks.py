@@ -47,10 +47,13 @@ REACH = 0.1
 
 
 class _Rows(NamedTuple):
-    """Rows of an excerpt: samples, columns (n, n_joints, k), known torques, part numbers."""
+    """Rows of an excerpt: samples, columns (n, n_joints, k), known torques, part numbers.
+
+    `means` are those of the recorded column around every sample of the excerpt.
+    """
 
     excerpt: Excerpt
-    key: str
+    means: Array
     samples: Integers
     X: Array
     known: Array
@@ -155,7 +158,10 @@ def _rows(
         n = max(1, min(n, int(len(each.q) * each.period / SHORTEST)))
         X, known = columns(q[::step], qd[::step], qdd[::step])
         part = (first + np.arange(len(samples)) * n // len(samples)) * PARTS // most
-        rows.append(_Rows(each, key, samples, X[:, shown], known[:, shown], part))
+        half, recorded = half_width(each.period), getattr(each, key)
+        sums = np.vstack([np.zeros(recorded.shape[1]), np.cumsum(recorded, axis=0)])
+        means = (sums[2 * half + 1 :] - sums[: -2 * half - 1]) / (2 * half + 1)
+        rows.append(_Rows(each, means, samples, X[:, shown], known[:, shown], part))
         first += n
     return rows
 
@@ -246,11 +252,8 @@ def _lags(rows: Sequence[_Rows], shown: Mask, reach: float = REACH) -> _Lags:
 
 def _columns(rows: _Rows, lag: Array) -> tuple[Array, Array]:
     """Return means of the recorded column around `lag` [s] after the samples, and derivatives."""
-    excerpt, recorded = rows.excerpt, getattr(rows.excerpt, rows.key)
-    half = half_width(excerpt.period)
-    sums = np.vstack([np.zeros(recorded.shape[1]), np.cumsum(recorded, axis=0)])
-    means = (sums[2 * half + 1 :] - sums[: -2 * half - 1]) / (2 * half + 1)
-    last = len(means) - 1
+    excerpt, means = rows.excerpt, rows.means
+    half, last = half_width(excerpt.period), len(rows.means) - 1
     at = np.rint(rows.samples - half + lag / excerpt.period).astype(np.int64).clip(0, last)
     before, after = (at - half).clip(0), (at + half).clip(max=last)
     slopes = (means[after] - means[before]) / ((after - before) * excerpt.period)[:, None]

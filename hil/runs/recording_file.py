@@ -8,6 +8,7 @@ verified at every reading; any HDF5 tool can read the file.
 from __future__ import annotations
 
 import hashlib
+import io
 import json
 import math
 from dataclasses import MISSING, asdict, dataclass, fields, replace
@@ -90,14 +91,13 @@ def write_measured(path: Path, measured: Measured, robot: Robot) -> None:
     }
     if measured.run is not None:
         meta[_RUN] = measured.run
-    with h5py.File(path, "w", driver="core", backing_store=False) as file:  # in memory
+    image = io.BytesIO()
+    with h5py.File(image, "w") as file:
         for name, array in arrays.items():
             file.create_dataset(name, data=array).attrs["unit"] = _units(name, robot)
         file.attrs.update(meta)
         file.attrs["checksum"] = _checksum(arrays, meta)
-        file.flush()
-        image = file.id.get_file_image()
-    write_file(path, image)
+    write_file(path, image.getbuffer())
 
 
 def read_measured(path: Path) -> Measured:
