@@ -20,6 +20,7 @@ import numpy as np
 
 from hil.estimation.condensed import groups, stack_axis, thinned
 from hil.friction.equation import FEWEST, LOAD, limit_or_reached
+from hil.friction.terms import coupled_friction
 from hil.least_squares.blocks import Blocks
 from hil.least_squares.solving import orthonormal
 from hil.least_squares.window import smooth_at, weights
@@ -335,7 +336,8 @@ def _part(
     time = s.time[index]
     longest = min(LONGEST, float(np.ptp(time)) / several + s.period)
     number = ((time - time[0]) // longest).astype(np.intp)
-    Q, _ = orthonormal(each.friction[some], SAME)
+    coupled = coupled_friction(robot, motion[1, 1], each.axis)
+    Q, _ = orthonormal(np.hstack([each.friction[some], coupled]), SAME)
     own = each.X[some, n_base:].copy()
     if not loaded[each.axis]:
         own[:, LOAD:] = 0.0

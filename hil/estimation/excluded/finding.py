@@ -152,7 +152,7 @@ def excluded(
         stated = tuple(_testable(robot, p, battery, each) for each in stated)
     if evidence.later is not None and not instead.deviates:
         friction, more = friction_changes(
-            p if both is None else both, evidence, every, list(battery.given)
+            robot, p if both is None else both, evidence, every, list(battery.given)
         )
         # a change of all torques of an axis includes its friction
         explained = {axis for each in causes for axis in each.axes}

@@ -33,11 +33,13 @@ from hil.estimation.excluded.deviation import parts_of
 from hil.estimation.excluded.evidence import SAME
 from hil.estimation.excluded.limits import noncentrality, torque_shares
 from hil.estimation.excluded.result import Found, Limit
+from hil.friction.terms import coupled_friction
 from hil.least_squares.solving import orthonormal
 
 if TYPE_CHECKING:
     from hil.arrays import Array
     from hil.estimation.excluded.evidence import Evidence
+    from hil.model.robot import Robot
 
 FRICTION = "friction"
 SEVERAL = 3
@@ -48,7 +50,7 @@ of friction hardly differs in shape from the terms beside the classes."""
 
 
 def friction_changes(
-    p: Array, evidence: Evidence, every: Columns, given: list[int]
+    robot: Robot, p: Array, evidence: Evidence, every: Columns, given: list[int]
 ) -> tuple[tuple[Found, ...], tuple[Limit, ...]]:
     """Return axes with changed friction, and the smallest detectable changes by axis.
 
@@ -63,7 +65,7 @@ def friction_changes(
     given : list of int
         Indices of the columns of found causes.
     """
-    evidence, friction = _shared(p, evidence)
+    evidence, friction = _shared(robot, p, evidence)
     if not friction:
         return (), ()
     axes = sorted(friction)
@@ -125,7 +127,7 @@ def friction_changes(
     return found, limits
 
 
-def _shared(p: Array, evidence: Evidence) -> tuple[Evidence, dict[int, Array]]:
+def _shared(robot: Robot, p: Array, evidence: Evidence) -> tuple[Evidence, dict[int, Array]]:
     """Return the evidence with common friction of all recordings, and earlier friction by axis.
 
     The columns of friction, and one of friction in proportion to the load, are the channels' own;
@@ -135,7 +137,7 @@ def _shared(p: Array, evidence: Evidence) -> tuple[Evidence, dict[int, Array]]:
     """
     parts = tuple((at, np.full((len(Q), 1), len(Q) ** -0.5)) for at, Q in evidence.parts)
     offsets = replace(evidence, parts=parts)
-    v, terms = evidence.motion[1, 1], np.zeros((len(evidence.axis), CLASSES + 5))
+    v, terms = evidence.motion[1, 1], np.zeros((len(evidence.axis), CLASSES + 5 + 2 * len(robot.couplings)))
     rest = evidence.torque - evidence.X @ p
     curves: dict[int, Array] = {}
     for axis in range(evidence.n_channels):
@@ -152,12 +154,13 @@ def _shared(p: Array, evidence: Evidence) -> tuple[Evidence, dict[int, Array]]:
             continue
         each = sign[:, np.newaxis] * (of[:, np.newaxis] == np.arange(CLASSES + 2))
         friction = np.column_stack([v[:, axis], np.cbrt(v[:, axis]), each])
-        known = offsets.project_out_friction(np.hstack([friction, evidence.own]))[early]
+        others = coupled_friction(robot, evidence.motion[1, 1], axis)
+        known = offsets.project_out_friction(np.hstack([friction, evidence.own, others]))[early]
         torque = offsets.project_out_friction(rest)[early]
         coefficients = np.linalg.lstsq(known, torque, rcond=None)[0][: friction.shape[1]]
         curve = np.where(mine & inside, friction @ coefficients, 0.0)
         load = np.abs(evidence.X @ p) * sign
-        basis, _ = orthonormal(np.column_stack([friction, load])[mine], SAME)
+        basis, _ = orthonormal(np.column_stack([friction, load, others])[mine], SAME)
         terms[mine, : basis.shape[1]] = basis
         if float(curve[early] @ sign[early]) > 0.0:
             curves[axis] = curve

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import gzip
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -10,6 +11,7 @@ import pytest
 from real_recordings import DATA, at_hand
 from scipy import signal
 
+from hil.estimation.excluded.proof import changed
 from hil.estimation.identify import estimate
 from hil.imports.importing import import_recordings
 from hil.model.robot import Robot
@@ -114,6 +116,19 @@ def test_a_gain_of_the_tx40_that_is_taken_as_unknown_comes_out_as_it_was() -> No
     (gain,) = found.gains
     assert gain.standard_error < 0.1
     assert abs(gain.value - 1.0) < 2 * gain.standard_error
+
+
+def test_the_second_half_of_the_tx40_s_motion_shows_no_change_of_the_robot() -> None:
+    # axis 5 carries friction of the coupled motor 6 too
+    _, whole = tx40()
+    halves = []
+    for q, tau in zip(np.split(whole.q, 2), np.split(whole.tau, 2), strict=True):
+        motion, each = recording(whole.period, q, tau)
+        halves.append([(motion, replace(each, group=np.arange(len(q)) * 4 // len(q)))])
+    proof = changed(Robot.load("staubli-tx40"), *halves)
+    assert proof is not None
+    assert proof.found == ()
+    assert {each.axis for each in proof.limits if each.cause == "friction"} >= {5}
 
 
 ONES = {
