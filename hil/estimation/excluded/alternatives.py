@@ -58,11 +58,18 @@ STARTS = {
         *(-84.0, -75.0, -60.0, -50.0, -37.5, -20.0),
         *(25.0, 60.0, 100.0, 150.0, 300.0, 525.0),
     ),
+    "torque delay": (-30.0, -10.0, 10.0, 30.0),
+    "position delay": (-30.0, -10.0, 10.0, 30.0),
 }
 """Start values of the searches. Torques are sinusoids of angles; degrees in place of radians are
 too large by a factor of 57, peak values in place of rms values by 41 %; up to four phases or
-motors may be left out or counted twice. Rates are preferred numbers in steps of 1.25.
+motors may be left out or counted twice. Rates are preferred numbers in steps of 1.25. Delays of one
+axis are at most those that an estimate searches.
 """
+TORQUE = 3
+"""Index of the torque among the kinds of signal, after position, velocity and acceleration."""
+DELAYS = {"torque delay": TORQUE, "position delay": 0}
+"""Kinds of late signals."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -80,6 +87,8 @@ class Reading:
     gravity: Array
     slip: tuple[int, float, float] | None = None
     """Axis, instant of the slip [s], and displacement of the link from then on."""
+    late: tuple[int, int, float] | None = None
+    """Kind of a late signal (`delayed`), axis, and delay [ms]."""
 
     @classmethod
     def stated(cls, robot: Robot) -> Reading:
@@ -100,11 +109,17 @@ class Reading:
     def key(self) -> tuple[object, ...]:
         """Key of the motion and of gravity: readings of equal keys have equal regressors."""
         values = self.sign_q * self.scale, self.zero, self.gravity
-        return self.order, self.slip, *(x.tobytes() for x in values)
+        return self.order, self.slip, self.late, *(x.tobytes() for x in values)
 
     def motion(self, evidence: Evidence) -> tuple[Array, Array, Array]:
         """Return true q, qd and qdd of the joints, shape (n, n_joints) for each."""
-        return self.true_motion(evidence.motion[1], evidence.time)
+        read = evidence.motion[1]
+        if self.late is not None and self.late[0] != TORQUE:
+            _, axis, late = self.late
+            read = read.copy()
+            for kind in range(TORQUE):
+                read[kind, :, axis] = delayed(evidence, axis, kind, -late)[1]
+        return self.true_motion(read, evidence.time)
 
     def true_motion(self, read: Array, time: Array) -> tuple[Array, Array, Array]:
         """Convert recorded q, qd, qdd at instants to the true motion, shape (3, n, n_joints)."""
@@ -125,6 +140,10 @@ class Reading:
         """
         motion, known = self.motion(evidence), {} if known is None else known
         torque, X = evidence.recorded.copy(), np.empty_like(evidence.X)
+        if self.late is not None and self.late[0] == TORQUE:
+            _, axis, late = self.late
+            early, now = (delayed(evidence, axis, TORQUE, each)[1] for each in (-late, 0.0))
+            torque += (evidence.axis == axis) * (early - now)
         for channel, rows in evidence.channels:
             joint = self.torques.index(channel)
             factor = self.sign_tau[joint] * self.gain[joint]
@@ -368,6 +387,9 @@ def sized(
             gravity=stated.gravity / (1.0 + size / 100.0) ** 2,
         )
 
+    if cause in DELAYS:
+        return lambda size: replace(stated, late=(DELAYS[cause], axis, size))
+
     def read(size: float) -> Reading:
         share = 1.0 + size / 100.0
         if cause == "joint offset":
@@ -413,7 +435,9 @@ def alternatives(
     turned: tuple[tuple[str, int], ...] = (("gravity", -1),) if np.any(robot.gravity) else ()
     # only owners of imported recordings state rates
     turned = (*turned, ("sampling rate", -1)) if turned and stated.evidence.imported else turned
-    of_size = (key for key in sizes if key[0] in STARTS and key[1] >= 0)
+    # an estimate finds delays itself
+    tried = STARTS.keys() - (DELAYS.keys() if stated.evidence.later is None else {})
+    of_size = (key for key in sizes if key[0] in tried and key[1] >= 0)
     for cause, axis in (("slip", slipped), *turned, *of_size):
         instant = _instant(stated, axis) if cause == "slip" else 0.0
         heading = _heading(stated, STARTS["gravity"]) if cause == "gravity" else 0.0
@@ -496,6 +520,22 @@ def discrete(robot: Robot, evidence: Evidence) -> Iterator[tuple[str, tuple[int,
         yield "wrong sign of all torques", (), replace(stated, sign_tau=signs)
     if np.any(robot.gravity):  # first moments of links remain in the torques of inertia
         yield "no gravity", (), replace(stated, gravity=np.zeros(3))
+
+
+def delayed(evidence: Evidence, axis: int, kind: int, delay: float) -> Array:
+    """Return a signal with a delay [ms] at the samples before, of and after each row, (3, n).
+
+    `kind` is 0 to 2 for position, velocity and acceleration, or `TORQUE`.
+    """
+    found = np.empty((3, len(evidence.axis)))
+    for source, s in enumerate(evidence.signals):
+        rows, signal = evidence.source == source, (*s.link, s.tau)[kind][:, axis]
+        time = s.time[evidence.sample[rows]] - 1e-3 * delay
+        smooth = s.smoothed(signal)[s.valid]  # derivatives at the ends are none of the motion
+        found[:, rows] = [
+            np.interp(time + n * s.period, s.time[s.valid], smooth) for n in (-1, 0, 1)
+        ]
+    return found
 
 
 def likeliest_signs(stated: Explained, alike: float) -> Reading:

@@ -239,22 +239,30 @@ class Battery:
         """Information of each column by group, shape (n_groups, n_columns)."""
 
     def _respond(self, left: Array, root: Array) -> None:
-        """Scale columns of delays to the effect of a delay on the recorded torques.
+        """Scale columns of delays and of backlash to the effect of these causes.
 
         Columns use the modelled torque, but a delay moves all of the torque. Adjusted for friction
         and base parameters, the derivatives of modelled and recorded torque may differ. So the
         column of a delay is an instrument (Wooldridge, Introductory Econometrics, 15.1) for the
-        derivative of the recorded torque, which is too noisy to be the column itself. The rest of
-        this derivative adds to the mean square of the axis.
+        derivative of the recorded torque, which is too noisy to be the column itself. A backlash
+        acts within milliseconds of a change of sign of the transmitted torque. So its column is an
+        instrument for that by the parameters of all recordings with what these leave. The rest of
+        the effect adds to the mean square of the axis.
         """
         self.elsewhere = np.zeros(left.shape[1])
         """Effect of a unit of each cause outside its column, as a share of its axis's mean square.
         """
-        rate = -1e-3 * self.evidence.rate[self._order] * root
+        rate = -1e-3 * self.evidence.rate[self._order]
         for k, name in enumerate(self.columns.names):
             square = float(left[:, k] @ left[:, k])
-            if name.cause == "torque delay" and square > 0.0 and self.evidence.rate.any():
-                moved = np.where(self._D[:, k] != 0.0, rate, 0.0)
+            if k in self.columns.instead:
+                effect = self.columns.instead[k][self._order]
+            elif name.cause == "torque delay" and self.evidence.rate.any():
+                effect = np.where(self._D[:, k] != 0.0, rate, 0.0)
+            else:
+                continue
+            if square > 0.0:
+                moved = effect * root
                 moved -= self._Q @ (self._Q.T @ moved)
                 response = max(float(left[:, k] @ moved) / square, 0.0)
                 left[:, k] *= response
@@ -369,9 +377,9 @@ class Battery:
         rest, *squares = self._later_squares(rows).T
         # the effect outside the column is part of the rest
         beside = np.outer(self.elsewhere[columns], self._counts)
-        shares = (np.array(squares) - beside) / np.maximum(rest, np.finfo(float).tiny)
+        inside = np.maximum(np.array(squares) - beside, 0.0)
         with np.errstate(divide="ignore"):
-            size = np.maximum(shares.max(axis=1), 0.0) ** -0.5
+            size = (inside / np.maximum(rest, np.finfo(float).tiny)).max(axis=1) ** -0.5
         return np.asarray(size / np.sqrt(1.0 - 2.0 * ANOTHER_SHAPE))
 
     def _later_squares(self, rows: Array) -> Array:

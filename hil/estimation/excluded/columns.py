@@ -26,8 +26,10 @@ A column within the span of the base parameters, the channel's own columns or fr
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from copy import copy
+from dataclasses import dataclass, field, replace
 from functools import cached_property
+from itertools import product
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
@@ -79,11 +81,15 @@ class Columns:
         Torque per unit of each column; the unit is that of the cause.
     free : sequence of str
         Causes fitted together with every tested cause.
+    instead : dict of int to ndarray
+        Columns of backlash for the transmitted torque by the parameters of all recordings with what
+        these leave, shape (n,), if a change is tested.
     """
 
     names: tuple[Column, ...]
     values: Array
     free: Sequence[str] = FITTED
+    instead: dict[int, Array] = field(default_factory=dict)
 
     @property
     def tests(self) -> dict[Key, list[int]]:
@@ -120,6 +126,14 @@ class EvidenceRows:
         self.rigid = self._own(self.bodies)
         self.motor = self._own(motor_torque(robot, self.q, self.qd, self.qdd))
         self._of_axis = -1, np.empty((3, 0))
+        self._rest: Array | None = None
+
+    def include_rest(self, p: Array) -> EvidenceRows:
+        """Return the rows whose gears transmit the torque by `p` with what `p` leaves."""
+        e, found = self.evidence.project_out_own(), copy(self)
+        found.__dict__.pop("_driven", None)
+        found._rest = e.project_out_friction(e.torque - e.X @ p) + e.X @ (p - self.p)
+        return found
 
     def accelerated(self, joint: int) -> EvidenceRows:
         """Return the rows with the acceleration of a joint increased by one unit."""
@@ -181,7 +195,13 @@ class EvidenceRows:
 
     @cached_property
     def _driven(self) -> list[Driven]:
-        return Driven.compute(self.robot, self.p, self.evidence.signals)
+        e, found = self.evidence, Driven.compute(self.robot, self.p, self.evidence.signals)
+        for (source, driven), axis in product(enumerate(found), range(self.robot.n_joints)):
+            rows = np.flatnonzero((e.source == source) & (e.axis == axis))
+            if self._rest is not None and len(rows):
+                at = np.arange(len(driven.torque))
+                driven.torque[:, axis] += np.interp(at, e.sample[rows], self._rest[rows])
+        return found
 
     def backlash_torque(self, axis: int, half_gaps: Sequence[float]) -> list[Array]:
         """Return the change of the torque by the backlash of an axis, by half gap."""
@@ -245,13 +265,21 @@ class EvidenceRows:
         return np.where(added, 0.0, self.p)
 
 
-def columns(robot: Robot, p: Array, evidence: Evidence, free: Sequence[str] = FITTED) -> Columns:
+def columns(
+    robot: Robot,
+    p: Array,
+    evidence: Evidence,
+    free: Sequence[str] = FITTED,
+    both: Array | None = None,
+) -> Columns:
     """Return the columns of all causes on the rows of the evidence.
 
     Parameters
     ----------
     p : ndarray, shape (n_base,)
         Base parameters for the torques.
+    both : ndarray, shape (n_base,), optional
+        Other base parameters, for `Columns.instead`.
     """
     rows = EvidenceRows(robot, p, evidence)
     every: list[tuple[Column, Array]] = []
@@ -265,21 +293,33 @@ def columns(robot: Robot, p: Array, evidence: Evidence, free: Sequence[str] = FI
             # per 1 % of the twist
             slope = (rows.partials(axis) * moved).sum(axis=0)
             every.append((Column("soft gears", axis), -0.01 * slope))
-    return _gathered(every, evidence, free)
+    found = _gathered(every, evidence, free)
+    if both is None:
+        return found
+    rest = rows.include_rest(both)
+    instead: dict[int, Array] = {}
+    for axis in np.unique(evidence.axis).tolist():
+        gaps = _gathered(_gap_columns(rest, axis, HALF_GAPS), evidence, free).values
+        instead.update(zip(found.gaps(axis), gaps.T, strict=True))
+    return replace(found, instead=instead)
 
 
-def finer(robot: Robot, p: Array, evidence: Evidence, every: Columns, key: Key) -> Columns:
+def finer(
+    robot: Robot, p: Array, evidence: Evidence, every: Columns, key: Key, both: Array | None = None
+) -> Columns:
     """Replace the gaps of an axis by gaps close to `key`; return the new columns."""
-    axis, microns = key[1], float(key[0].split()[1])
-    of_gaps = _gap_columns(
-        EvidenceRows(robot, p, evidence), axis, (1e-6 * microns * FINER).tolist()
+    axis, half_gaps = key[1], (1e-6 * float(key[0].split()[1]) * FINER).tolist()
+    rows, at = EvidenceRows(robot, p, evidence), every.gaps(axis)
+    new, *instead = (
+        _gathered(_gap_columns(each, axis, half_gaps), evidence, every.free)
+        for each in (rows, *([] if both is None else [rows.include_rest(both)]))
     )
-    new, at = _gathered(of_gaps, evidence, every.free), every.gaps(axis)
     names, values = list(every.names), every.values.copy()
     for k, name in zip(at, new.names, strict=True):
         names[k] = name
     values[:, at] = new.values
-    return Columns(tuple(names), values, every.free)
+    again = {k: x for other in instead for k, x in zip(at, other.values.T, strict=True)}
+    return Columns(tuple(names), values, every.free, every.instead | again)
 
 
 def _gathered(

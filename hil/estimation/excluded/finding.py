@@ -115,7 +115,7 @@ def excluded(
         every = columns(robot, p, evidence, (*FITTED, *known))
     else:  # lags of all recordings are free; a changed lag is a cause
         evidence = replace(evidence, own=np.column_stack([evidence.own, late(robot, p, evidence)]))
-        every = columns(robot, p, evidence, known)
+        every = columns(robot, p, evidence, known, both)
     unchanged = scales_of_parts(robot, p, evidence) if evidence.later is not None else None
     noise = EncoderNoise(robot, p, evidence)
     battery = first = Battery(evidence, every, every.fitted, unchanged, noise)
@@ -123,7 +123,7 @@ def excluded(
     level = battery.level / max(len(tests), 1)
     if gaps := list(_best_gaps(robot, battery, tests, level)):
         for key in gaps:
-            every = finer(robot, p, evidence, every, key)
+            every = finer(robot, p, evidence, every, key, both)
         battery = first = Battery(evidence, every, every.fitted, unchanged, noise)
         tests = {key: at for key, at in every.tests.items() if first.visible[at].any()}
     found: list[Step] = []
@@ -427,8 +427,10 @@ class _Instead:
 
     @cached_property
     def _scatter(self) -> float:
-        each = [common.dispersion for common in self.battery.common.values()]
-        return max(float(np.median(each)), 1.0)
+        """Median dispersion; for a change, at least that of parts of the earlier recordings."""
+        scales = (self.battery.common.values(), self.battery.unchanged.values())
+        medians = [np.median([each.dispersion for each in scale]) for scale in scales if scale]
+        return max(1.0, *map(float, medians))
 
     def _gain(self, each: Explained, n: int) -> float:
         """Return the chi square explained by a reading, or by columns, with `n` unknowns."""

@@ -20,7 +20,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from hil.estimation.excluded.alternatives import sized
+from hil.estimation.excluded.alternatives import TORQUE, delayed, sized
 from hil.estimation.excluded.battery import Battery
 from hil.estimation.excluded.causes import CAUSES
 from hil.estimation.excluded.columns import Columns, EvidenceRows, columns_of
@@ -36,9 +36,6 @@ if TYPE_CHECKING:
 FINITE = ("joint offset", "slip", "position scale", "gear ratio", "position delay", "torque delay")
 """Causes of an axis with a torque that is not linear in their size, apart from gains and backlash.
 """
-
-TORQUE = 3
-"""Index of the torque among the kinds of signal, after position, velocity and acceleration."""
 
 
 def misread_battery(robot: Robot, p: Array, battery: Battery, k: int, size: float) -> Battery:
@@ -68,11 +65,11 @@ def misread(robot: Robot, evidence: Evidence, name: Column, size: float) -> Evid
     axis, mine = name.axis, evidence.axis == name.axis
     motion, recorded = evidence.motion.copy(), evidence.recorded.copy()
     if name.cause == "torque delay":
-        late, now = (_delayed(evidence, axis, TORQUE, each)[1] for each in (size, 0.0))
+        late, now = (delayed(evidence, axis, TORQUE, each)[1] for each in (size, 0.0))
         recorded += mine * (late - now)
     elif name.cause == "position delay":
         for k in range(TORQUE):
-            motion[:, k, :, axis] = _delayed(evidence, axis, k, size)
+            motion[:, k, :, axis] = delayed(evidence, axis, k, size)
     else:  # `sized` corrects readings of a cause; the opposite size adds the cause
         opposite = -size / (1.0 + size / 100.0) if CAUSES[name.cause].unit == "%" else -size
         read = sized(robot, name.cause, axis, float(name.part or -np.inf))(opposite)
@@ -90,19 +87,3 @@ def misread(robot: Robot, evidence: Evidence, name: Column, size: float) -> Evid
             X[rows] += sign * regressor(robot, q, qd, qdd, [channel])[:, 0]
             torque[rows] -= sign * motor_torque(robot, q, qd, qdd)[:, channel]
     return replace(evidence, motion=motion, recorded=recorded, torque=torque, X=X)
-
-
-def _delayed(evidence: Evidence, axis: int, kind: int, delay: float) -> Array:
-    """Return a signal with a delay [ms] at the samples before, of and after each row, (3, n).
-
-    `kind` is 0 to 2 for position, velocity and acceleration, or `TORQUE`.
-    """
-    found = np.empty((3, len(evidence.axis)))
-    for source, s in enumerate(evidence.signals):
-        rows, signal = evidence.source == source, (*s.link, s.tau)[kind][:, axis]
-        time = s.time[evidence.sample[rows]] - 1e-3 * delay
-        smooth = s.smoothed(signal)[s.valid]  # derivatives at the ends are none of the motion
-        found[:, rows] = [
-            np.interp(time + n * s.period, s.time[s.valid], smooth) for n in (-1, 0, 1)
-        ]
-    return found

@@ -137,7 +137,8 @@ def _shared(robot: Robot, p: Array, evidence: Evidence) -> tuple[Evidence, dict[
     """
     parts = tuple((at, np.full((len(Q), 1), len(Q) ** -0.5)) for at, Q in evidence.parts)
     offsets = replace(evidence, parts=parts)
-    v, terms = evidence.motion[1, 1], np.zeros((len(evidence.axis), CLASSES + 5 + 2 * len(robot.couplings)))
+    v = evidence.motion[1, 1]
+    terms = np.zeros((len(v), CLASSES + 5 + 2 * len(robot.couplings)))
     rest = evidence.torque - evidence.X @ p
     curves: dict[int, Array] = {}
     for axis in range(evidence.n_channels):

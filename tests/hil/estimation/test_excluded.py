@@ -330,7 +330,7 @@ def test_a_change_is_no_part_of_the_model_by_which_its_size_is_stated(
         return lambda *given, **more: used.append(given[place]) or test(*given, **more)
 
     monkeypatch.setattr(proof, "excluded", noted(columns, excluded, 1))
-    monkeypatch.setattr(finding, "friction_changes", noted(friction, finding.friction_changes, 0))
+    monkeypatch.setattr(finding, "friction_changes", noted(friction, finding.friction_changes, 1))
     for degrees in (0.0, 1.0):
         angle = np.array([0.0, np.radians(degrees)])
         later = changed(heavier(robot, 0.0), lambda q, _tau, _t, angle=angle: q.__isub__(angle))

@@ -14,12 +14,15 @@ from scipy import signal
 from hil.estimation.excluded.proof import changed
 from hil.estimation.identify import estimate
 from hil.imports.importing import import_recordings
+from hil.model.base_parameters import base_parameters
+from hil.model.dynamics import inverse_dynamics
 from hil.model.robot import Robot
 from hil.planning.free_motion import FreeMotion
 from hil.results.identification import identify
 from hil.results.model import Model
 from hil.results.provenance import Provenance
 from hil.results.recorded_torque import predict_recording
+from hil.runs.pooling import Pooled
 from hil.runs.recording import Recording
 
 if TYPE_CHECKING:
@@ -118,17 +121,65 @@ def test_a_gain_of_the_tx40_that_is_taken_as_unknown_comes_out_as_it_was() -> No
     assert abs(gain.value - 1.0) < 2 * gain.standard_error
 
 
+def halves(whole: tuple[FreeMotion, Recording]) -> tuple[tuple[FreeMotion, Recording], ...]:
+    """Return the first and the second half of a recording, each in four blocks."""
+    _, each = whole
+    found = []
+    for q, tau in zip(np.array_split(each.q, 2), np.array_split(each.tau, 2), strict=True):
+        motion, half = recording(each.period, q, tau)
+        group = (np.arange(len(q)) * 4 // len(q)).astype(np.int16)
+        found.append((motion, replace(half, group=group)))
+    return tuple(found)
+
+
 def test_the_second_half_of_the_tx40_s_motion_shows_no_change_of_the_robot() -> None:
     # axis 5 carries friction of the coupled motor 6 too
-    _, whole = tx40()
-    halves = []
-    for q, tau in zip(np.split(whole.q, 2), np.split(whole.tau, 2), strict=True):
-        motion, each = recording(whole.period, q, tau)
-        halves.append([(motion, replace(each, group=np.arange(len(q)) * 4 // len(q)))])
-    proof = changed(Robot.load("staubli-tx40"), *halves)
+    first, second = halves(tx40())
+    proof = changed(Robot.load("staubli-tx40"), [first], [second])
     assert proof is not None
     assert proof.found == ()
     assert {each.axis for each in proof.limits if each.cause == "friction"} >= {5}
+
+
+@pytest.mark.parametrize("delay", [-0.01, 0.01])
+def test_a_delay_of_several_times_the_stated_size_is_named(delay: float) -> None:
+    before, (motion, after) = halves(emps("estimation"))
+    tau = np.interp(after.time - delay, after.time, after.tau[:, 0])[:, np.newaxis]
+    proof = changed(Robot.load("emps"), [before], [(motion, replace(after, tau=tau))])
+    assert proof is not None
+    (found,) = proof.found
+    assert found.cause == "torque delay"
+    assert found.size == pytest.approx(1e3 * delay, rel=0.05)
+
+
+def test_no_small_backlash_is_excluded_where_no_change_of_contact_is_located() -> None:
+    # a carriage at constant speed needs no force but friction, so its gear may be anywhere
+    before, after = halves(emps("estimation"))
+    proof = changed(Robot.load("emps"), [before], [after])
+    assert proof is not None
+    (size,) = (each.size for each in proof.limits if each.cause == "backlash")
+    assert size is None or size > 0.1
+
+
+def test_a_load_on_a_real_arm_is_named_though_its_model_is_not_exact(tmp_path: Path) -> None:
+    before, after = (
+        import_recordings([DATA / f"ur10/{each}.map.yaml"], tmp_path / each)
+        for each in ("train", "val")
+    )
+    ((motion, each),) = Pooled([after])
+    b, a = signal.butter(4, 2 * 10.0 * each.period)
+    q = signal.filtfilt(b, a, each.q, axis=0)
+    qd = np.gradient(q, each.period, axis=0)
+    free = before.robot.free_links((5,))
+    load = np.zeros(len(free.standard_parameters))  # 1 kg, 0.1 m in front of the flange
+    for name, value in {"m6": 1.0, "sz6": 0.1, "Ixx6": 0.01, "Iyy6": 0.01}.items():
+        load[free.standard_parameters.index(name)] = value
+    qdd = np.gradient(qd, each.period, axis=0)
+    tau = each.tau + inverse_dynamics(free, base_parameters(free).matrix @ load, q, qd, qdd)
+    loaded = [(motion, replace(each, tau=tau))]
+    proof = changed(before.robot, Pooled([before]), loaded)
+    assert proof is not None
+    assert [found.cause for found in proof.found][:1] == ["load"]
 
 
 ONES = {
