@@ -12,10 +12,10 @@ groups are left out in turn,
 the jackknife's variance of that torque (`hil.least_squares.uncertainty`). This variance includes
 the weight of single groups: a kind with few groups for an unknown gets a smaller weight than its
 residuals suggest. Errors that repeat with the motion show in no group of time, but in cells of
-states; noise shows in both. So for a kind with cells the larger of both variances counts; intervals
-add the variances, and are rather too wide. The additional uncertainty of a kind, B_k, propagates to
-N^-1 c_k N_k B_k (N^-1 c_k N_k)'. Q has the inner products of the recorded columns, each channel
-divided by the square of its torque. The own unknowns of each kind are eliminated first.
+states; noise shows in both. So for a kind with cells the larger of both variances counts. The
+additional uncertainty of a kind, B_k, propagates to N^-1 c_k N_k B_k (N^-1 c_k N_k)'. Q has the
+inner products of the recorded columns, each channel divided by the square of its torque. The own
+unknowns of each kind are eliminated first.
 """
 
 from __future__ import annotations

@@ -19,12 +19,18 @@ white
 
 Model error, such as a missing shape of friction, repeats with the motion and shows in no group of
 time. But it differs between parts of the state space. Cells of that space show model error as
-groups of time show noise: each cell has a score, which is small for a complete model. With cells
-the covariance is the sum of two,
+groups of time show noise: each cell has a score, which is small for a complete model. If each
+sample has noise, an error of its group of time and one of its cell, the variances over groups are
+noise + time, over cells noise + state. The noise counts once: for the recordings with cells the
+larger variance of each unknown counts,
 
-    V = V_groups + N^-1 (sum of score score' over cells) N^-1,
+    V = V_groups + C,    C_ii = max(over cells of each size, over groups of the same recordings)_ii
+                                - (over groups of the same recordings)_ii,
 
-with the degrees of freedom of the groups. The sum is rather too large, since both contain noise.
+with the correlations of C over cells, and the degrees of freedom of the groups. Cells that overlap
+groups of time would show the noise itself (Cameron, Gelbach and Miller, J. Bus. Econ. Stat. 29
+(2011) 238-249), but need all samples. Model error of an extent of several cells shows only in
+larger ones, so neighbours are merged as well (`MERGED`).
 """
 
 from __future__ import annotations
@@ -40,10 +46,11 @@ from scipy import special
 from hil.errors import InvalidArray
 from hil.least_squares.layout import embedded
 from hil.least_squares.normal_equations import reweighted
-from hil.least_squares.solving import condition, inverse, solved
+from hil.least_squares.solving import condition, inverse, inverse_root, solved
 from hil.least_squares.uncertainty import (
     Solved,
     bias_reduced,
+    corrected,
     degrees_if_white,
     jackknife,
     leave_out,
@@ -60,6 +67,8 @@ if TYPE_CHECKING:
 Solver = Callable[["Normal"], "tuple[Normal, Array]"]
 """Solver that weights and solves the groups' equations."""
 Covariance = Literal["jackknife", "clusters", "CR2", "white"]
+MERGED = (1, 2, 4)
+"""Neighbouring cells merged, since model error has any extent in the state space."""
 ROUNDS = 20
 """Maximum number of reweighting iterations; normally the loop converges earlier."""
 
@@ -179,7 +188,7 @@ class Regression:
         covariance : str
             Covariance rule.
         cells : Blocks, optional
-            Samples grouped in cells, whose scatter is added; white noise has none.
+            Samples grouped in cells, successive ones neighbours; not for white noise.
         most : int, optional
             Maximum number of groups: successive groups are merged to include longer disturbances.
         """
@@ -197,11 +206,28 @@ class Regression:
             found = inverted
             freedom = self.blocks.counts.sum() - len(self.kept)
             degrees = np.full(len(x), max(float(freedom), 1.0))
-        if cells is None or covariance == "white":
-            return Solved(x, found, degrees)
-        other = cells.normal(self.weights).only(self.kept)
-        influence = (other.scores(x) @ inverted)[other.square > 0]
-        return Solved(x, found + scatter(influence, few=True), degrees)
+        if cells is not None and covariance != "white":
+            found = found + self._beyond_groups(cells, covariance, most)
+        return Solved(x, found, degrees)
+
+    def _beyond_groups(self, cells: Blocks, covariance: Covariance, most: int | None) -> Array:
+        """Compute the covariance that cells show beyond the groups of the same recordings."""
+        x, root = self.solution[self.kept], inverse_root(self.normal.information)
+
+        def spread(equations: Normal) -> Array:
+            changes = equations.scores(x) @ root @ root.T
+            if covariance == "CR2":
+                changes = corrected(root, equations.N, equations.scores(x))
+            return scatter(changes[equations.square > 0], few=True)
+
+        weights = np.where(cells.counts.any(axis=0), self.weights, 0.0)
+        groups, each = (of.normal(weights).only(self.kept) for of in (self.blocks, cells))
+        noise = spread(groups if most is None else groups.grouped(most))
+        sizes = [spread(each.grouped(-(-len(cells) // merged))) for merged in MERGED]
+        variances = np.diagonal([noise, *sizes], axis1=1, axis2=2)
+        beyond, whole = variances.max(axis=0) - variances[0], np.sum(sizes, axis=0)
+        scale = np.sqrt(beyond / np.maximum(np.diag(whole), np.finfo(float).tiny))
+        return np.asarray(scale[:, np.newaxis] * whole * scale)
 
     def fit(
         self,

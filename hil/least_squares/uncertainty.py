@@ -204,13 +204,31 @@ def bias_reduced(shares: Array, sides: Array) -> Solved:
     N = shares.sum(axis=0)
     B = inverse_root(N)
     x = B @ (B.T @ sides.sum(axis=0))
-    scores = (sides - shares @ x) @ B
-    H, V = np.linalg.eigh(B.T @ shares @ B)
-    left = np.sqrt(np.clip(1.0 - H, _ALONE, 1.0))
-    changes = np.einsum("kij,kj->ki", V, np.einsum("kji,kj->ki", V, scores) / left) @ B.T
+    changes = corrected(B, shares, sides - shares @ x)
     covariance, white = changes.T @ changes, np.einsum("ij,ij->i", B, B)
     covariance += np.diag(np.maximum(white - np.diag(covariance), 0.0))
     return Solved(x, covariance, degrees_if_white(B @ B.T, shares, ALMOST_NONE))
+
+
+def corrected(B: Array, shares: Array, scores: Array) -> Array:
+    """Compute changes of x by single measurements, unbiased for white noise.
+
+    Parameters
+    ----------
+    B : ndarray, shape (n, n)
+        Inverse root of the information of all measurements.
+    shares : ndarray, shape (n_measurements, n, n)
+    scores : ndarray, shape (n_measurements, n)
+
+    Returns
+    -------
+    ndarray, shape (n_measurements, n)
+    """
+    H, V = np.linalg.eigh(B.T @ shares @ B)
+    left = np.sqrt(np.clip(1.0 - H, _ALONE, 1.0))
+    turned = np.einsum("kji,kj->ki", V, scores @ B) / left
+    found: Array = np.einsum("kij,kj->ki", V, turned) @ B.T
+    return found
 
 
 def correlation_of(covariance: Array) -> Array:

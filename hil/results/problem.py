@@ -113,7 +113,7 @@ def regression(
         Unknowns beside friction, of ``lag``, ``compliance``, ``presliding`` and ``drift``; by
         default all those of the method.
     covariance : {"jackknife", "clusters", "CR2", "white"}
-        Estimator of the covariance. For imports, scatter over cells of states is added, except for
+        Estimator of the covariance. For imports, cells of states count, too, except for
         white noise. Conventional methods for imports use the jackknife.
     method : str, optional
         Method of estimation, as in ``hil identify --method``; by default chosen by the recordings.

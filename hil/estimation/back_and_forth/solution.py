@@ -6,8 +6,8 @@ half-differences alone. Rows are weighted by the number of samples, channels by 
 variance. Levels of friction of each recording are eliminated with these weights.
 
 Friction fluctuations and noise differ from one pair of strokes to the next: pairs are groups. Model
-errors repeat with the strokes, but differ between regions of the state space: the scatter over
-cells of states is added (`hil.least_squares.regression`).
+errors repeat with the strokes, but differ between regions of the state space: scatter over
+cells of states counts, too (`hil.least_squares.regression`).
 
 An axis moving alone shows the diagonal of the mass matrix, and gravity, but no couplings. Motion in
 few configurations shows only sums of parameters. Linearly dependent columns of the regression are

@@ -152,7 +152,11 @@ def _middles(states: Array) -> Array:
         np.add.at(sums, nearest, some)
         counts = np.bincount(nearest, minlength=len(found))[:, np.newaxis]
         found = np.asarray(np.where(counts > 0, sums / np.maximum(counts, 1), found))
-    return found
+    # a path from neighbour to neighbour, so that successive cells can be merged
+    order, left = [0], list(range(1, len(found)))
+    while left:
+        order.append(left.pop(int(_nearest(found[left], found[order[-1:]])[0])))
+    return found[order]
 
 
 def _nearest(middles: Array, states: Array) -> Indices:

@@ -14,7 +14,7 @@ instrumental
 a function of the equations of pieces of time
     the equations with the weights of this function, and their solution.
 
-Covariances add the scatter over time and over states (`hil.least_squares.regression`).
+Covariances contain the scatter over time and over states (`hil.least_squares.regression`).
 """
 
 from __future__ import annotations

@@ -186,8 +186,24 @@ def test_what_is_found_has_names(rng: np.random.Generator) -> None:
     assert not fit.covariance[all_blocks.layout.index("offset", 0)].any()
 
 
-def test_scatter_over_cells_is_added(rng: np.random.Generator) -> None:
-    whole = blocks(*samples(rng, 12))
-    by_time = Regression.weighed(whole).fit()
-    both = Regression.weighed(whole).fit(cells=whole.merged(np.arange(12) % 4))
-    assert np.all(np.diag(both.covariance) > np.diag(by_time.covariance))
+@pytest.mark.parametrize("of_time", [0.0, 0.5])
+@pytest.mark.parametrize("of_state", [0.0, 0.5])
+def test_errors_are_as_stated_for_noise_errors_of_time_and_errors_of_states(
+    rng: np.random.Generator, of_time: float, of_state: float
+) -> None:
+    """Both groups of time and cells of states contain the noise, which counts once."""
+    n_time, n_state = 30, 60
+    phase = 2 * np.pi * np.arange(n_state) / n_state
+    W = np.empty((n_time, 2, n_state, 4))
+    W[..., 0] = np.sin(phase) * (1 + 0.3 * rng.normal(size=(n_time, 2, 1)))
+    W[..., 1] = np.cos(2 * phase) + 0.3 * rng.normal(size=W.shape[:3])
+    W[..., 2], W[..., 3] = 1.0, np.sign(np.cos(phase))
+    x, z = np.array([TRUTH[[0, 1, 2, 3]], TRUTH[[0, 1, 4, 5]]]), []
+    for _ in range(30):
+        y = np.einsum("tcsk,ck->tcs", W, x) + rng.normal(size=W.shape[:3])
+        y += of_time * rng.normal(size=(n_time, 2, 1)) * W[..., 3]
+        y += of_state * rng.normal(size=(2, n_state))
+        cells = blocks(W.transpose(2, 1, 0, 3), y.transpose(2, 1, 0))
+        fit = Regression.weighed(blocks(W, y)).fit("CR2", cells)
+        z.append((fit.x - TRUTH) / np.sqrt(np.diag(fit.covariance)))
+    assert 0.8 < np.sqrt(np.mean(np.square(z))) < 1.2
