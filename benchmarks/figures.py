@@ -4,8 +4,8 @@ A benchmark ends with `keep`, which writes ``benchmarks/results/NAME.json``: its
 the commit and machine that they were measured at, its seeds, and the code that they depend on. A
 document has::
 
-    <!-- figure: claims-default.published-inside -->64.6 %<!-- end -->
-    <!-- number: claims-default.published-inside -->64.6<!-- end -->
+    <!--figure:claims-default.published-inside-->64.6 %<!--end-->
+    <!--number:claims-default.published-inside-->64.6<!--end-->
 
 with the unit or, for columns of a table, without the unit. The text between the marks is written by
 ``make figures`` (``python benchmarks/figures.py``, in README.md and docs/) and when the site is
@@ -42,7 +42,7 @@ MOST_COMMITS = 400
 busiest time of this repository, and a year of quiet times. Golden results (`benchmarks/golden.py`)
 show changed estimates sooner.
 """
-MARKED = re.compile(r"(<!-- (figure|number): ([\w-]+)\.([\w-]+) -->)(.*?)(<!-- end -->)", re.DOTALL)
+MARKED = re.compile(r"(<!--(figure|number):([\w-]+)\.([\w-]+)-->)(.*?)(<!--end-->)", re.DOTALL)
 
 
 @dataclass(frozen=True)

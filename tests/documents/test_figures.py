@@ -44,13 +44,13 @@ def test_readme_prints_no_figure_that_is_not_marked() -> None:
 
 
 def test_a_contradiction_and_an_unknown_name_are_found() -> None:
-    marked = "<!-- figure: claims-default.published-inside -->64.6 %<!-- end -->"
+    marked = "<!--figure:claims-default.published-inside-->64.6 %<!--end-->"
     assert expanded(marked) == marked
     assert expanded(marked.replace("64.6", "64.9")) == marked
     with pytest.raises(KeyError, match=r"claims-default\.unknown: there is no such figure"):
-        expanded("<!-- number: claims-default.unknown -->95<!-- end -->")
+        expanded("<!--number:claims-default.unknown-->95<!--end-->")
     with pytest.raises(KeyError, match=r"nobody: there is no benchmarks.results.nobody\.json"):
-        expanded("<!-- number: nobody.figure -->95<!-- end -->")
+        expanded("<!--number:nobody.figure-->95<!--end-->")
 
 
 @pytest.mark.parametrize("benchmark", BENCHMARKS, ids=lambda path: path.stem)
