@@ -403,6 +403,12 @@ class _Instead:
         left = float((read.left / self._stated.left).min())
         return left <= LEAVES and not deviation.significant(self._thin[0], read.residual)
 
+    def _spoils(self, each: Alternative) -> bool:
+        """Return True if a reading leaves more of an axis: the right one leaves noise alone."""
+        degrees = np.maximum(self._stated.counts / self._scatter, 1.0)
+        most = special.fdtri(degrees, degrees, 1.0 - LEVEL / len(self.tests))
+        return bool((each.explained.left > most * self._stated.left).any())
+
     @cached_property
     def _deviation(self) -> Deviation | None:
         if self.evidence.later is None:
@@ -449,6 +455,7 @@ class _Instead:
             # a size must be as significant as that of a column
             if np.isnan(each.size) or each.chi_square > chance(1, len(self.tests))
             if self._deviation is None or self._restores(self._deviation, each)
+            if not self._spoils(each)
         ]
         best = max((gain for gain, _ in every), default=-np.inf)
         if best < (chance(1, len(self.tests)) if self._stated.possible else -TOGETHER):

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 from dataclasses import replace
+from types import SimpleNamespace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -18,7 +19,7 @@ from hil.estimation.drive_train import directly_driven
 from hil.estimation.excluded import finding, proof
 from hil.estimation.excluded.causes import CAUSES
 from hil.estimation.excluded.evidence import measured
-from hil.estimation.excluded.finding import excluded
+from hil.estimation.excluded.finding import _Instead, excluded
 from hil.estimation.excluded.proof import changed as changed_between
 from hil.estimation.excluded.proof import proved
 from hil.estimation.signals import signals
@@ -510,3 +511,18 @@ def test_sizes_of_causes_have_no_exponents_and_no_unknown_errors(
 ) -> None:
     said = CAUSES["torque constant"].sized(size, error, "%")
     assert said.endswith(f" by {words}" if size > 0 else f"less than stated by {words}")
+
+
+@pytest.mark.parametrize(
+    ("left", "spoils"), [([0.3, 4.0], True), ([0.3, 1.1], False), ([0.3, 0.2], False)]
+)
+def test_a_reading_that_leaves_more_of_an_axis_is_not_the_right_one(
+    robot: Robot, left: list[float], spoils: bool
+) -> None:
+    nothing: Any = None
+    instead = _Instead(robot, nothing, nothing, nothing, {("slip", 0): [0]}, (), beyond=False)
+    counts = np.array([200.0, 200.0])
+    instead.__dict__["_stated"] = SimpleNamespace(left=np.ones(2), counts=counts)
+    instead.__dict__["_scatter"] = 5.0
+    read: Any = SimpleNamespace(explained=SimpleNamespace(left=np.array(left)))
+    assert instead._spoils(read) is spoils
