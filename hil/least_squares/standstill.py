@@ -37,7 +37,10 @@ ROUNDING = 1e-9
 
 FLICKER = 1.65
 """Median second difference of white noise, over its standard deviation: noise as large as an
-increment keeps three values in ten, so twenty in a row are no chance."""
+increment keeps three values in ten."""
+CHANCE = 20
+"""Fewest samples of a constant torque: with three equal values in ten, so many in a row are no
+chance even in a day at 1 kHz."""
 
 
 class Extent(NamedTuple):
@@ -87,26 +90,34 @@ def increment(x: Array) -> float:
     return float(real.min(initial=np.inf)) if len(real) else 0.0
 
 
-def braked(q: Array, tau: Array, period: float, shortest: int) -> Mask:
+def braked(q: Array, tau: Array, period: float) -> Mask:
     """Return a mask of samples at rest, shape (n, n_joints), whose torque says nothing.
 
-    The torque of an axis is exactly constant over at least `shortest` samples in which the axis
-    rests and another one moves. Elsewhere it changes by more than its increment, so rounding does
-    not explain this.
+    The torque of an axis is constant, but for rounding, over at least `CHANCE` samples and the
+    time `SPAN`, in most of which the axis rests, and the same as while another one moves. Elsewhere
+    it changes by more than its increment, so the resolution does not explain this.
     """
     found = np.zeros(q.shape, dtype=bool)
     low, high, noise = extent(q, period)
     band = np.maximum(NOISY * noise, CARRIED * np.max(high - low))
+    shortest = max(CHANCE, round(SPAN / period))
     for axis, x in enumerate(tau.T):
-        cuts = np.flatnonzero(np.diff(x)) + 1
+        same = ROUNDING * np.abs(x).max()
+        cuts = np.flatnonzero(np.abs(np.diff(x)) > same) + 1
         edges = np.concatenate([[0], cuts, [len(x)]])
         runs = np.flatnonzero(np.diff(edges) >= shortest).tolist()
         free = np.repeat(np.diff(edges) < shortest, np.diff(edges))[1:-1]
         bends = np.abs(np.diff(x, 2))[free]
         if not runs or not len(bends) or np.median(bends) < FLICKER * increment(x):
             continue
+        rests, levels = [], []
         for k in runs:
             run = slice(*edges[k : k + 2].tolist())
-            moves = np.ptp(q[run], axis=0) > band
-            found[run, axis] = moves.any() and not moves[axis]
+            moves, own = np.ptp(q[run], axis=0) > band, q[run, axis]
+            moves[axis] = False  # a brake may close before the axis rests
+            if np.median(np.abs(own - np.median(own))) <= band[axis]:
+                rests.append(run)
+                levels += [x[run.start]] * bool(moves.any())
+        for run in rests:
+            found[run, axis] = (np.abs(x[run.start] - np.array(levels)) <= same).any()
     return found

@@ -11,7 +11,7 @@ import numpy as np
 from hil.errors import FrictionUnknown, Mismatch
 from hil.estimation.free_motion.motion import low_passed
 from hil.friction.equation import SLOW
-from hil.least_squares.standstill import extent, moving
+from hil.least_squares.standstill import braked, extent, moving
 from hil.least_squares.window import widen
 from hil.planning.free_motion import FreeMotion
 from hil.planning.measurement import shows_parameters
@@ -149,8 +149,9 @@ def _motions(
         even = np.arange(own[0], own[-1], period)
         q, tau = (
             np.column_stack([np.interp(even, own, column) for column in x[part].T])
-            for x in (recording.q, recording.tau[:, axes])
+            for x in (recording.q, recording.tau)
         )
+        held, tau = braked(q, tau, period)[:, axes], tau[:, axes]
         every = max(1, int(1.0 / (FINE * BAND * period)))
         filtered = low_passed(tau, period, BAND, every)[0]
         motions = [low_passed(q, period, k * BAND, every, derivatives=2) for k in (1.0, 2.0)]
@@ -165,10 +166,10 @@ def _motions(
         nearest = np.searchsorted(recording.time, even[::every], side="right") - 1
         counts &= used[nearest][:, np.newaxis]
         long = np.diff(own, append=own[-1]) > max(COARSE / BAND, LONGER * period)
-        lost = long[np.searchsorted(own, even[::every], side="right") - 1]
+        lost = held[::every].T | long[np.searchsorted(own, even[::every], side="right") - 1]
         # a period of the cut-off, in samples
         reach = round(1.0 / (BAND * every * period))
-        counts &= ~widen(lost, reach)[:, np.newaxis]
+        counts &= ~np.column_stack([widen(each, reach) for each in lost])
         speed, limit = np.abs(motions[0][1][:, axes]), model.robot.velocity_limit[axes]
         slow = speed < SLOW * np.where(np.isnan(limit), speed.max(axis=0), limit)
         rests = np.column_stack([widen(_long_runs(each, reach), reach) for each in slow.T])

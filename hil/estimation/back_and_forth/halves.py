@@ -307,7 +307,7 @@ def halves_of(robot: Robot, motion: FreeMotion, recording: Recording) -> Halves:
     stroke = recording.stroke[:: filtered.rates.fine * filtered.rates.coarse][:n]
     pairs = pairs_of(filtered, stroke, axis, robot.position_unit(axis))
     named = _columns(robot, filtered, axis)
-    velocity = filtered.passed(filtered.qd[:, [axis]])[:n]
+    velocity = filtered.passed(filtered.qd[:, [axis]], axis)[:n]
     levels = _levels(velocity[:, 0] / processing.speed[axis], pairs)
     base = base_parameters(robot).names
     columns, classical = (
@@ -324,7 +324,7 @@ def halves_of(robot: Robot, motion: FreeMotion, recording: Recording) -> Halves:
     qd, qdd = (np.where(still, 0.0, x) for x in (filtered.qd, filtered.qdd))
     alone = columns.copy()
     apart = regressor(robot, at, qd, qdd, joints=[axis])[:, 0]
-    alone[:, 1 : 1 + len(base)] = replace(filtered, q=at, qd=qd, qdd=qdd).passed(apart)[:n]
+    alone[:, 1 : 1 + len(base)] = replace(filtered, q=at, qd=qd, qdd=qdd).passed(apart, axis)[:n]
     alone[:, 1 + len(base)] = 0.0
     whole = (classical[filtered.used & (stroke // 2 == k)] for k in np.unique(pairs.pair))
     scale = np.sqrt(pairs.weights)[:, np.newaxis]
@@ -347,7 +347,7 @@ def halves_of(robot: Robot, motion: FreeMotion, recording: Recording) -> Halves:
 def _columns(robot: Robot, motion: Motion, axis: int) -> dict[str, Array]:
     """Return filtered columns by name: torque without rotors, friction per unit of velocity."""
     rows = regressor(robot, motion.q, motion.qd, motion.qdd, [axis])[:, 0]
-    columns = motion.passed(axis_columns(robot, motion, axis, rows, np.zeros(rows.shape[1])))
+    columns = motion.passed(axis_columns(robot, motion, axis, rows, np.zeros(rows.shape[1])), axis)
     names = (*shared_names(robot), ROTOR, *COLUMNS)
     named = dict(zip(names, columns[: len(motion.tau)].T, strict=True))
     for name in ("viscous", "asymmetric"):

@@ -334,7 +334,7 @@ def every_axis(
     gears = soft_gears(robot, motion, first, soft)
     for axis in range(robot.n_joints):
         columns = axis_columns(robot, motion, axis, A[:, axis], first, terms, gears)
-        passed = motion.passed(columns)
+        passed = motion.passed(columns, axis)
         rows = side_by_side(y[: len(passed), axis], passed[: len(y)])
         yield rows * (motion.telling[: len(rows), [axis]] & (axis not in motion.processing.held))
 

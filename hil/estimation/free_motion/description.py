@@ -140,8 +140,10 @@ class Residuals:
         """Compute the residuals of a fit."""
         whole, recorded = products.pieces[0].total, gathered.recorded.pieces[0].squares
         counts = np.maximum(whole.counts[0], 1.0)
-        # the offset column is 1 throughout
-        mean = whole.products[0, :, 0, whole.place("offset")[0]] / counts
+        # the offset column is 1, but for windows of closed brakes
+        one = whole.place("offset")[0]
+        along, size = whole.products[0, :, [0, one], one]
+        mean = along / np.sqrt(counts * np.where(size > 0, size, 1.0))
         rms, torque = whole.mean_squares(fit.x), gathered.scaling.gains**2 * recorded / counts
         return cls(np.sqrt(rms), np.sqrt(torque), mean)
 

@@ -215,11 +215,13 @@ class Motion:
     used : ndarray of bool, shape (n_used,)
         Samples unaffected by reflected samples.
     telling : ndarray of bool, shape (n_used, n_joints)
-        Samples unaffected by a torque that a brake makes constant.
+        Samples between those with a torque that a brake makes constant.
     recording : Recording
         Source of the motion.
     offset : int
         Half of the samples used, see `filtered_motion`.
+    window : ndarray, shape (n_recorded, n_joints), optional
+        Factor of torque and columns before they are filtered, 0 with a closed brake.
     """
 
     processing: Processing
@@ -232,6 +234,7 @@ class Motion:
     telling: Mask
     recording: Recording
     offset: int = 0
+    window: Array | None = None
 
     @cached_property
     def smooth(self) -> Array:
@@ -291,8 +294,14 @@ class Motion:
         least = ndimage.minimum_filter1d(np.abs(self.qd), width, axis=0) / self.processing.speed
         return np.asarray(least[:: self.rates.coarse])
 
-    def passed(self, x: Array) -> Array:
-        """Filter columns of the motion's samples, decimated to the used samples."""
+    def passed(self, x: Array, axis: int | None = None) -> Array:
+        """Filter columns of the motion's samples, decimated to the used samples.
+
+        Columns are those of an `axis`, or one for every axis.
+        """
+        if self.window is not None:
+            window = self.window[:: self.rates.fine]
+            x = x * (window if axis is None else window[:, [axis]])
         return low_passed(x, self.period, self.processing.band, self.rates.coarse)[0]
 
 
@@ -311,19 +320,45 @@ def filtered_motion(recording: Recording, processing: Processing, offset: int = 
     period, band = recording.period, processing.band
     rates = Rates.choose(period, processing.cut_off, band)
     q, qd, qdd = _motion(recording, processing, rates, offset)
-    every, lag = rates.fine * rates.coarse, processing.lag
-    tau = low_passed(recording.tau, period, band, every, ahead=lag if lag.any() else None)[0]
+    every = rates.fine * rates.coarse
+    window = _window(recording, processing)
+    tau = filtered_torque(recording, band, every, processing.lag, window)
     spoilt = processing.spoilt(period * every)
     used = np.zeros(len(tau), dtype=bool)
     used[spoilt : len(tau) - spoilt] = True
-    far = reach(period, band)
-    # runs shorter than the filter's response cannot be told from their neighbours
-    silent = braked(recording.q, recording.tau, period, 2 * far)
-    axes = np.flatnonzero(silent.any(axis=0))
-    for axis in axes.tolist():
-        silent[:, axis] = widen(silent[:, axis], far)
-    telling = ~silent[::every][: len(tau)]
-    return Motion(processing, rates, q, qd, qdd, tau, used, telling, recording, offset)
+    telling = np.ones(tau.shape, dtype=bool) if window is None else window[::every] >= 0.5
+    return Motion(processing, rates, q, qd, qdd, tau, used, telling, recording, offset, window)
+
+
+def _window(recording: Recording, processing: Processing) -> Array | None:
+    """Return `Motion.window`; None without closed brakes.
+
+    The equation of motion holds in every sample, so also times a factor. Its slopes last a period
+    of the cut-off, and so are smooth at the rate of the motion.
+    """
+    period = recording.period
+    silent = braked(recording.q, recording.tau, period)
+    if not silent.any():
+        return None
+    n = max(1, round(0.5 / (processing.cut_off * period)))
+    slope = np.hanning(2 * n + 1) / n
+    found = np.ones(silent.shape)
+    for axis in np.flatnonzero(silent.any(axis=0)).tolist():
+        free = np.pad(~widen(silent[:, axis], n), n, mode="edge")
+        found[:, axis] = np.convolve(free, slope, "valid").clip(0.0, 1.0)
+    return found
+
+
+def filtered_torque(
+    recording: Recording, band: float, every: int, lag: Array, window: Array | None = None
+) -> Array:
+    """Return the recorded torque, earlier by `lag` (n_joints,) [s], times `window`, filtered."""
+    tau, ahead = recording.tau, lag if lag.any() else None
+    if window is not None:
+        t = recording.period * np.arange(len(tau))
+        late = np.column_stack([np.interp(t + s, t, x) for s, x in zip(lag, tau.T, strict=True)])
+        tau, ahead = window * late, None
+    return low_passed(tau, recording.period, band, every, ahead=ahead)[0]
 
 
 def _motion(

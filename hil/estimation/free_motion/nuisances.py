@@ -36,7 +36,7 @@ from hil.estimation.free_motion.accumulation import (
 )
 from hil.estimation.free_motion.choice import dead_zone_of, usual
 from hil.estimation.free_motion.columns import shared_names
-from hil.estimation.free_motion.motion import filtered_motion, low_passed
+from hil.estimation.free_motion.motion import filtered_motion, filtered_torque
 from hil.estimation.free_motion.scaling import Scaling
 from hil.estimation.intervals import Edge
 from hil.estimation.nuisances import AROUND, Search, State, direction_names, shift_names
@@ -206,12 +206,13 @@ def _condensed(
         time = np.repeat(np.arange(len(parts)), [part.stop - part.start for part in parts])
         fast = (motion.slowest[motion.used] >= SPEEDS[slowest - 1]).astype(np.intp)
         used, every = slice(parts[0].start, parts[-1].stop), motion.rates.fine * motion.rates.coarse
-        of = motion.recording.tau, motion.recording.period, motion.processing.band, every
-        tau = np.stack([low_passed(*of, ahead=np.full(n, s))[0] for s in times], axis=-1)
+        of = motion.recording, motion.processing.band, every
+        lags = (np.full(n, s) for s in times)
+        tau = np.stack([filtered_torque(*of, lag, motion.window) for lag in lags], axis=-1)
         for axis, rows in enumerate(every_axis(robot, motion, first, tau[..., 0], COLUMNS, soft)):
             ways = DISTANCES * motion.processing.speed[axis]
             z = side_by_side(*(motion.direction_after(axis, way) for way in ways))
-            each = rows[:, :k], tau[:, axis, 1:], rows[:, k:], motion.passed(z)
+            each = rows[:, :k], tau[:, axis, 1:], rows[:, k:], motion.passed(z, axis)
             some, joined = motion.telling[used, axis], side_by_side(*(x[used] for x in each))
             if some.any():
                 found[-1].add(axis, joined[some], time[some], fast[some, axis])

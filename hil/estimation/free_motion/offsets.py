@@ -93,8 +93,9 @@ def only_directions(moving: Blocks) -> dict[int, int]:
     Samples at low speed are ignored: friction of an axis at rest takes any value up to Coulomb
     friction.
     """
-    offset, Coulomb = moving.place("offset", "Coulomb")
-    excess, sizes = moving.products[:, :, (offset, Coulomb), Coulomb].sum(axis=0).T
+    both = moving.place("offset", "Coulomb")
+    (ones, excess), (_, squares) = moving.total.products[0][:, both][:, :, both].transpose(1, 2, 0)
+    sizes = np.sqrt(ones * squares)
     # largest share w of moving samples in the opposite direction for motion in one direction only:
     # then offset and Coulomb friction are at least sqrt(1 / w + 1) / 2 = 5 times as uncertain as
     # their sum

@@ -5,8 +5,9 @@ from dataclasses import replace
 import free_run
 import numpy as np
 import pytest
-from free_run import TRUTH, arm, classical, recorded, some_motion
+from free_run import TRUTH, arm, classical, recorded, some_motion, write_free_run
 
+import hil
 from hil.estimation import import_methods
 from hil.estimation.identify import estimate
 from hil.estimation.options import Options
@@ -139,11 +140,34 @@ def test_rests_with_a_closed_brake_are_left_out(level):
 def test_a_constant_torque_of_an_arm_at_rest_shows_its_weight():
     (_, recording), *_ = recorded(arm(), TRUTH)
     recording.q[:1000], recording.tau[:1000] = recording.q[1000], recording.tau[1000]
-    assert not braked(recording.q, recording.tau, recording.period, 100).any()
+    assert not braked(recording.q, recording.tau, recording.period).any()
     recording.q[500:1000, 0] += np.linspace(0.0, 0.2, 500)
     assert (
-        braked(recording.q, recording.tau, recording.period, 100)[:1000].tolist()
+        braked(recording.q, recording.tau, recording.period)[:1000].tolist()
         == [[False, True]] * 1000
     )
     recording.tau[:] = recording.tau.round(-1)  # rounding hides the changes
-    assert not braked(recording.q, recording.tau, recording.period, 100).any()
+    assert not braked(recording.q, recording.tau, recording.period).any()
+
+
+def test_moves_shorter_than_the_low_pass_between_closed_brakes(tmp_path):
+    """The torque is 0 in pauses, also while all axes rest; what is left determines the model."""
+    robot, data, rng = arm(), recorded(arm(), TRUTH, n=2, duration=60.0), np.random.default_rng(4)
+    for _, recording in data:
+        t, motion = recording.time, np.zeros((3, recording.n_samples, 2))
+        for k in range(30):
+            x = np.clip((t - 2.0 * k) / 1.2, 0.0, 1.0)
+            way = rng.uniform(-0.8, 0.8, 2) * ([1, 0], [0, 1], [1, 1], [0, 0])[k % 4]
+            motion[0] += np.outer(10 * x**3 - 15 * x**4 + 6 * x**5, way)
+            motion[1] += np.outer(30 * (x - x**2) ** 2, way / 1.2)
+            motion[2] += np.outer(60 * x - 180 * x**2 + 120 * x**3, way / 1.2**2)
+        recording.q[:] = motion[0] + 2e-5 * rng.standard_normal(recording.q.shape)
+        recording.tau[:] = inverse_dynamics(robot, TRUTH, *motion)
+        recording.tau[:] += classical(motion[1]) + motor_torque(robot, *motion)
+        recording.tau[:] += 0.3 * rng.standard_normal(recording.tau.shape)
+        recording.tau[motion[1] == 0] = 0.0
+    model = hil.identify(write_free_run(tmp_path / "run", robot, data))
+    assert "axes 1, 2: torques constant at rest" in "\n".join(model.details.remarks)
+    assert np.all(np.abs(model.values - TRUTH) < 5.0 * model.half_width())
+    assert max(model.details.relative_residual) < 0.1
+    assert model.band_residual.overall < 0.1
