@@ -257,6 +257,15 @@ class Search:
         }
         return min(better, key=lambda axis: better[axis]) if better else None
 
+    def shown(self, axes: Sequence[int]) -> list[int]:
+        """Return the axes that have more samples than unknowns; fewer samples fit any lag."""
+        whole, terms = self._total, self._total.place(*self._terms)
+        squares = np.einsum("jkk->jk", whole.products[0])[:, terms]
+        unknowns = 1 + np.count_nonzero(squares > 0, axis=1)
+        if whole.counts.sum() <= unknowns.sum() + len(self._names):
+            return []
+        return [axis for axis in axes if whole.counts[0, axis] > unknowns[axis]]
+
     def edges(self, state: State) -> dict[int, float]:
         """Return lags [s] at a bound of the search range with certainly better predictions.
 

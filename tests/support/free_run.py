@@ -74,6 +74,18 @@ def some_motion(t: Array, seed: int = 0) -> tuple[Array, Array, Array]:
     )
 
 
+def short_moves(t: Array, rng: np.random.Generator) -> Array:
+    """Return q, qd, qdd of moves of 1.2 s every 2 s, of joint 1, 2, both and none, (3, n, 2)."""
+    found = np.zeros((3, len(t), 2))
+    for k in range(int(t[-1] / 2.0)):
+        x = np.clip((t - 2.0 * k) / 1.2, 0.0, 1.0)
+        way = rng.uniform(-0.8, 0.8, 2) * ([1, 0], [0, 1], [1, 1], [0, 0])[k % 4]
+        found[0] += np.outer(10 * x**3 - 15 * x**4 + 6 * x**5, way)
+        found[1] += np.outer(30 * (x - x**2) ** 2, way / 1.2)
+        found[2] += np.outer(60 * x - 180 * x**2 + 120 * x**3, way / 1.2**2)
+    return found
+
+
 def recorded(
     robot: Robot,
     p: Array,

@@ -79,7 +79,7 @@ def _value(fit: Fit, place: int) -> TermValue:
 def _one_way(products: Products, fit: Fit) -> dict[int, OneWay]:
     """Return the axes, from 0, moving in a single direction."""
     found = {}
-    for axis, direction in only_directions(products.pieces[1]).items():
+    for axis, direction in only_directions(products.pieces).items():
         places, both = _places(fit, axis, ("offset", "Coulomb")), np.array([1.0, direction])
         variance = float(both @ fit.covariance[np.ix_(places, places)] @ both)
         together = TermValue.estimated(float(both @ fit.x[places]), variance)

@@ -123,7 +123,8 @@ def find_nuisances(
         Search(each, times, (-most, most), DISTANCES)
         for each in _condensed(robot, motions, first, slowest, times, gears)
     )
-    axes = [axis for axis in range(robot.n_joints) if axis not in found.still]
+    moving = [axis for axis in range(robot.n_joints) if axis not in found.still]
+    axes = fast.shown(moving)
     state, error, edges = State.start(robot.n_joints), none.lag_error, list[Edge]()
     if "lag" in wanted:
         state, error = _sure(fast, fast.grown(state, axes, fast.add_lag), "late")
@@ -138,7 +139,7 @@ def find_nuisances(
             for axis, lag in fast.edges(state).items()
         ]
     if "presliding" in wanted:
-        state = whole.grown(state, axes, whole.add_presliding)
+        state = whole.grown(state, moving, whole.add_presliding)
     distance = np.append(0.0, DISTANCES)[state.direction] * processing.speed
     return Nuisances(
         replace(

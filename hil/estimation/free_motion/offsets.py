@@ -29,6 +29,8 @@ from hil.friction.terms import friction_columns
 from hil.least_squares.solving import solved
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
     from hil.arrays import Array
     from hil.least_squares.blocks import Blocks
     from hil.least_squares.layout import Layout
@@ -87,20 +89,25 @@ def enlarge_covariance(
     return V, unusual
 
 
-def only_directions(moving: Blocks) -> dict[int, int]:
+def only_directions(pieces: Sequence[Blocks]) -> dict[int, int]:
     """Return the axes, from 0, moving in a single direction, 1 or -1, outside the dead zone.
 
     Samples at low speed are ignored: friction of an axis at rest takes any value up to Coulomb
-    friction.
+    friction. Fewer samples than terms, of short motions, may have one direction by chance: then the
+    axis must also end up further away than half of its path.
     """
-    both = moving.place("offset", "Coulomb")
-    (ones, excess), (_, squares) = moving.total.products[0][:, both][:, :, both].transpose(1, 2, 0)
-    sizes = np.sqrt(ones * squares)
+    every, moving = (each.total.products[0] for each in pieces[:2])
+    offset, Coulomb, viscous, speed = pieces[0].place("offset", "Coulomb", "viscous", "asymmetric")
+    excess, ones, squares = (
+        moving[:, i, k] for i, k in ((offset, Coulomb), (offset, offset), (Coulomb, Coulomb))
+    )
     # largest share w of moving samples in the opposite direction for motion in one direction only:
     # then offset and Coulomb friction are at least sqrt(1 / w + 1) / 2 = 5 times as uncertain as
     # their sum
-    one = np.abs(excess) > (1.0 - 2.0 * 0.01) * sizes
-    return {int(axis): int(np.sign(excess[axis])) for axis in np.flatnonzero(one & (excess != 0))}
+    one = np.abs(excess) > (1.0 - 2.0 * 0.01) * np.sqrt(ones * squares)
+    few = pieces[1].total.counts[0] < len(pieces[1].own)
+    one &= ~few | (2.0 * np.abs(every[:, offset, viscous]) > every[:, offset, speed])
+    return {int(axis): int(np.sign(excess[axis])) for axis in np.flatnonzero(one)}
 
 
 def split_covariance(directions: dict[int, int], layout: Layout, x: Array) -> Array:

@@ -125,7 +125,7 @@ def solve(
     rule: Covariance = options.covariance if solver == "positive" else "jackknife"
     fit = asked.fit(rule, products.cells[choice.slowest], BLOCKS)
     covariance = fit.covariance
-    covariance += split_covariance(only_directions(products.pieces[1]), fit.layout, fit.x)
+    covariance += split_covariance(only_directions(products.pieces), fit.layout, fit.x)
     fit = replace(fit, covariance=covariance, condition=condition(pieces.normal.information))
     # no weight: torque 0 throughout, so the friction of such an axis is in no equation so far
     mute = (choice.weights == 0) & ~np.isin(np.arange(robot.n_joints), still)
@@ -206,7 +206,7 @@ def refit_friction(products: Products, fit: Fit, covariance: Covariance, axes: I
     """
     layout, k = fit.layout, len(fit.layout.shared)
     axis = (fit.kept - k) // len(layout.own)
-    one_way = list(only_directions(products.pieces[1]))
+    one_way = list(only_directions(products.pieces))
     own = fit.kept[np.isin(axis, axes) & ~np.isin(axis, one_way)]
     if not len(own):
         return fit

@@ -5,7 +5,7 @@ from dataclasses import replace
 import free_run
 import numpy as np
 import pytest
-from free_run import TRUTH, arm, classical, recorded, some_motion, write_free_run
+from free_run import TRUTH, arm, classical, recorded, short_moves, some_motion, write_free_run
 
 import hil
 from hil.estimation import import_methods
@@ -154,13 +154,7 @@ def test_moves_shorter_than_the_low_pass_between_closed_brakes(tmp_path):
     """The torque is 0 in pauses, also while all axes rest; what is left determines the model."""
     robot, data, rng = arm(), recorded(arm(), TRUTH, n=2, duration=60.0), np.random.default_rng(4)
     for _, recording in data:
-        t, motion = recording.time, np.zeros((3, recording.n_samples, 2))
-        for k in range(30):
-            x = np.clip((t - 2.0 * k) / 1.2, 0.0, 1.0)
-            way = rng.uniform(-0.8, 0.8, 2) * ([1, 0], [0, 1], [1, 1], [0, 0])[k % 4]
-            motion[0] += np.outer(10 * x**3 - 15 * x**4 + 6 * x**5, way)
-            motion[1] += np.outer(30 * (x - x**2) ** 2, way / 1.2)
-            motion[2] += np.outer(60 * x - 180 * x**2 + 120 * x**3, way / 1.2**2)
+        motion = short_moves(recording.time, rng)
         recording.q[:] = motion[0] + 2e-5 * rng.standard_normal(recording.q.shape)
         recording.tau[:] = inverse_dynamics(robot, TRUTH, *motion)
         recording.tau[:] += classical(motion[1]) + motor_torque(robot, *motion)

@@ -6,9 +6,11 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from free_run import PERIOD, TRUTH, arm, recorded
+from free_run import PERIOD, TRUTH, arm, classical, recorded, short_moves
 
 from hil.estimation.identify import estimate
+from hil.model.dynamics import inverse_dynamics
+from hil.model.motors import motor_torque
 from hil.results.tables.model import statements
 
 LAGS = np.array([0.004, 0.008])
@@ -43,3 +45,18 @@ def test_lags_are_found_and_bias_no_parameter(seed: int, lags: np.ndarray) -> No
 def test_none_is_found_where_there_is_none(seed: int) -> None:
     found = estimate(arm(), recorded(arm(), TRUTH, seed=seed), "free motion")
     assert [each.value for each in found.details.lag] == [0.0, 0.0]
+
+
+@pytest.mark.parametrize("seed", [9, 20, 28, 30])
+def test_few_fast_samples_show_no_lag_at_the_edge_of_the_search(seed: int) -> None:
+    """Moves shorter than the low-pass leave fewer fast samples than unknowns."""
+    robot, rng = arm(), np.random.default_rng(seed)
+    (motion, recording), *_ = recorded(robot, TRUTH, n=1, duration=60.0)
+    made = short_moves(recording.time, rng)
+    tau = inverse_dynamics(robot, TRUTH, *made) + classical(made[1]) + motor_torque(robot, *made)
+    tau += 0.3 * rng.standard_normal(tau.shape)
+    data = [(motion.model_copy(update={"cut_off": 6.0}), replace(recording, q=made[0], tau=tau))]
+    found = estimate(robot, data, "free motion")
+    assert found.edges == ()
+    assert [each.value for each in found.details.lag] == [0.0, 0.0]
+    assert "in one direction" not in "\n".join(found.details.remarks)
