@@ -50,7 +50,7 @@ _UNITS = {"", "-", "1", "%", "ma", "mv", "rad/s^2", "rad/s2", "m/s^2", "m/s2"}.u
 _IN_BRACKETS = re.compile(r"\[[^\]]*\]|\([^)]*\)")
 
 
-_JOINT_WORDS = {"joint", "axis", "motor", "servo", "id", "name", "index"}
+JOINT_WORDS = {"joint", "axis", "motor", "servo", "id", "name", "index"}
 """Words in the name of a column that numbers the joints of a long layout."""
 
 
@@ -185,7 +185,7 @@ def _refuse_long(
     for column, name in enumerate(names):
         joints = list(dict.fromkeys(row[column] for row in whole))
         text = not any(_is_number(each, decimal) or each.lower() in MISSING for each in joints)
-        numbered = _JOINT_WORDS.intersection(re.findall("[a-z]+", name.lower()))
+        numbered = JOINT_WORDS.intersection(re.findall("[a-z]+", name.lower()))
         if not 2 <= len(joints) <= len(whole) / 3 or not (text or numbered):
             continue
         for stamp in set(range(len(names))) - {column}:

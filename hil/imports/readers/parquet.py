@@ -20,6 +20,7 @@ import numpy as np
 from checked_files.budget import allowed, refuse_beyond
 from checked_files.yaml_file import DEPTH_MAX, FileError
 from hil.imports.readers.arrow import numbers
+from hil.imports.readers.layout import JOINT_WORDS
 from hil.imports.tables import ROWS
 from hil.model.robot_file import MOST_JOINTS
 from hil.optional_packages import needed_for
@@ -46,7 +47,7 @@ FOOTER, PLACE, VALUE = 18, 500, 8
 """Maximum memory of a byte of the description of a file, of an offered column, and of a value of a
 list, float64; by RSS 2.4 to 10.5 for 10 000 columns, and 254 for 50 000 columns of lists."""
 LOOKED_AT = 100
-"""Blocks that are searched for the first list of a column."""
+"""Blocks that are searched for the first list of a column, and objects for turns of joints."""
 _DOT = re.compile(r"\.")
 OBJECT = 1 << 20
 """Maximum length of an object of JSON, a limit of Arrow [characters]."""
@@ -251,7 +252,26 @@ def open_json(path: Path, _: Format) -> ParquetTable:
             f"{path}: is neither a JSON list of objects nor JSON lines, one object per sample: "
             f"{error}"
         ) from error
+    _refuse_turns(path, table)
     return ParquetTable(path, _Lines(table))
+
+
+def _refuse_turns(path: Path, table: Any) -> None:
+    """Refuse objects of one joint each, in turn."""
+    for name in table.column_names:
+        seen = table.column(name).slice(0, LOOKED_AT).to_pylist()
+        numbered = JOINT_WORDS.intersection(re.findall("[a-z]+", name.lower()))
+        joints = list(dict.fromkeys(seen)) if numbered else []
+        turns = all(x == joints[k % len(joints)] for k, x in enumerate(seen)) if joints else False
+        if turns and 2 <= len(joints) <= len(seen) / 3:
+            raise FileError(
+                f"{path}: is in a long layout: each object is of one of {joints} in turn, in "
+                f"{name}; make a row of each turn, as by pandas: d = pandas.json_normalize("
+                f"pandas.read_json({path.name!r}, lines={path.suffix != '.json'}).to_dict("
+                f"'records')); d['row'] = (d[{name!r}] == d[{name!r}][0]).cumsum(); d = d.pivot("
+                f"index='row', columns={name!r}); d.columns = ['_'.join(map(str, c)) for c in "
+                "d.columns]; d.to_csv('wide.csv')"
+            )
 
 
 def _lines(path: Path, text: str) -> BytesIO | None:

@@ -1,5 +1,6 @@
 """Tables with a row for each joint are named, with a remedy that makes a row of each stamp."""
 
+import json
 import re
 
 import numpy as np
@@ -38,6 +39,7 @@ def influx_text():
     return INFLUX + "\n".join(rows) + "\n"
 
 
+NAMES = (("POSITION", "q"), ("TORQUE", "m"))
 LONG = {
     "names": long_text(["elbow_1", "elbow_2"]),
     "numbers": long_text(["1", "2"]),
@@ -66,6 +68,34 @@ def test_a_long_layout_is_named_and_its_remedy_makes_a_recording(tmp_path, case,
         for values, name in zip(wide[like].to_numpy().T, "qm", strict=True):
             np.testing.assert_allclose(values, COLUMNS[f"{name}{number}"])
     assert len(draft_map(tmp_path / "wide.csv", "wide.csv", PAIR).split("rows: [[")) == 1
+
+
+@pytest.mark.parametrize("late", [0.0, 2e-4])
+def test_json_lines_of_one_servo_each_are_named_and_the_remedy_makes_a_recording(
+    tmp_path, monkeypatch, late
+):
+    """Objects of moteus: nested, and each servo answers at its own instant."""
+    pandas, _ = pytest.importorskip("pandas"), pytest.importorskip("pyarrow")
+    lines = [
+        json.dumps(
+            {
+                "time": round(t + late * number, 4),
+                "id": number,
+                "values": {name: float(COLUMNS[f"{c}{number}"][k]) for name, c in NAMES},
+            }
+        )
+        for k, t in enumerate(COLUMNS["t"].tolist())
+        for number in (1, 2)
+    ]
+    (tmp_path / "data.jsonl").write_text("\n".join(lines) + "\n")
+    with pytest.raises(FileError, match=r"long layout: each .* make a row of each") as refused:
+        draft_map(tmp_path / "data.jsonl", "data.jsonl", PAIR)
+    monkeypatch.chdir(tmp_path)
+    exec(str(refused.value).partition("pandas: ")[2], {"pandas": pandas})  # noqa: S102
+    wide = pandas.read_csv("wide.csv")
+    for number in (1, 2):
+        for name, c in NAMES:
+            np.testing.assert_allclose(wide[f"values.{name}_{number}"], COLUMNS[f"{c}{number}"])
 
 
 def test_stamps_with_an_offset_from_utc_are_read(tmp_path):
