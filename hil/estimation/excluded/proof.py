@@ -19,7 +19,7 @@ from hil.planning.free_motion import FreeMotion
 from hil.planning.measurement import shows_parameters
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator, Sequence
+    from collections.abc import Callable, Iterator, Sequence
 
     from hil.arrays import Array
     from hil.estimation.drive_train import DriveTrain
@@ -44,6 +44,7 @@ def proved(
     p: Array | None = None,
     drive_train: DriveTrain | None = None,
     joint: Joint | None = None,
+    smoothed: Callable[[Recording], Recording] | None = None,
 ) -> Excluded | None:
     """Test recordings for all causes; return None if too little was recorded for a contradiction.
 
@@ -57,9 +58,12 @@ def proved(
         Transmission between currents and arm, if known.
     joint : Joint, optional
         Regression of the recordings, if there is one.
+    smoothed : callable, optional
+        Low-pass of the positions of free motions: above its cut-off frequency the noise exceeds
+        the motion, and accelerations of encoder steps would explain other readings.
     """
     if joint is None:
-        prepared: Prepared = list(_prepared(recorded))
+        prepared: Prepared = list(_prepared(recorded, smoothed))
         if drive_train is not None:
             prepared = [(motion, drive_train.applied(robot, s)) for motion, s in prepared]
         try:
@@ -133,7 +137,7 @@ def changed(
 
 
 def _prepared(
-    recorded: Recorded,
+    recorded: Recorded, smoothed: Callable[[Recording], Recording] | None = None
 ) -> Iterator[tuple[ParameterMotion, Signals]]:
     free: list[tuple[FreeMotion, Recording]] = []
     seen, every = 0, 1  # step between samples of free motions
@@ -148,7 +152,7 @@ def _prepared(
                 free, every = free[::2], 2 * every
             seen += 1
     for motion, recording in free:
-        yield from _signals(motion, recording)
+        yield from _signals(motion, smoothed(recording) if smoothed else recording)
 
 
 def _signals(

@@ -5,10 +5,12 @@ from __future__ import annotations
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
+import free_run
 import numpy as np
 import pytest
-from free_run import arm, recorded
+from free_run import arm, recorded, write_free_run
 
+import hil
 from hil.estimation.excluded.backlash import half_gap
 from hil.estimation.excluded.battery import Battery
 from hil.estimation.excluded.columns import columns
@@ -80,3 +82,14 @@ def test_exact_positions_need_no_correction(robot: Robot) -> None:
     corrected = every.confirm(raw)
     assert corrected.size == pytest.approx(raw.size, abs=0.01 * raw.error[0])
     assert corrected.error == pytest.approx(raw.error, rel=0.01)
+
+
+@pytest.mark.parametrize("seed", [2, 4])
+def test_accelerations_of_encoder_steps_explain_no_other_reading(monkeypatch, tmp_path, seed):
+    """Slow motion at 1 kHz with 12 bits a turn: all accelerations within the window are steps."""
+    monkeypatch.setattr(free_run, "PERIOD", 0.001)
+    step, robot = 2.0 * np.pi / 2**12, arm()
+    data = recorded(robot, free_run.TRUTH, n=1, duration=60.0, noise=0.1, pace=0.1, seed=seed)
+    data = [(motion, replace(each, q=step * np.round(each.q / step))) for motion, each in data]
+    model = hil.identify(write_free_run(tmp_path / "run", robot, data))
+    assert model.excluded.found == ()
