@@ -94,7 +94,7 @@ def only_directions(pieces: Sequence[Blocks]) -> dict[int, int]:
 
     Samples at low speed are ignored: friction of an axis at rest takes any value up to Coulomb
     friction. Fewer samples than terms, of short motions, may have one direction by chance: then the
-    axis must also end up further away than half of its path.
+    whole path must have this direction, too.
     """
     every, moving = (each.total.products[0] for each in pieces[:2])
     offset, Coulomb, viscous, speed = pieces[0].place("offset", "Coulomb", "viscous", "asymmetric")
@@ -104,9 +104,10 @@ def only_directions(pieces: Sequence[Blocks]) -> dict[int, int]:
     # largest share w of moving samples in the opposite direction for motion in one direction only:
     # then offset and Coulomb friction are at least sqrt(1 / w + 1) / 2 = 5 times as uncertain as
     # their sum
-    one = np.abs(excess) > (1.0 - 2.0 * 0.01) * np.sqrt(ones * squares)
+    share = 1.0 - 2.0 * 0.01
+    one = np.abs(excess) > share * np.sqrt(ones * squares)
     few = pieces[1].total.counts[0] < len(pieces[1].own)
-    one &= ~few | (2.0 * np.abs(every[:, offset, viscous]) > every[:, offset, speed])
+    one &= ~few | (np.abs(every[:, offset, viscous]) > share * every[:, offset, speed])
     return {int(axis): int(np.sign(excess[axis])) for axis in np.flatnonzero(one)}
 
 
