@@ -13,9 +13,10 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from hil.imports.held import SLOW
 from hil.imports.instants import resampled
 from hil.imports.segments import Piece
-from hil.least_squares.standstill import extent, moving
+from hil.least_squares.standstill import SPAN, extent, moving
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -64,7 +65,7 @@ class Suspicion:
 HALF_WIDTH = 0.02
 """Half width of the window of a local fit [s]."""
 _MARGIN = 3
-"""Samples read beyond a grid: two for the slopes of its cubics, and one for rounding."""
+"""Samples read beyond a grid: two for slopes of cubics, and one for rounding."""
 _LENGTH = 10.0
 """Usual duration of an excerpt [s]."""
 _SAME = 1e-3
@@ -135,20 +136,18 @@ def excerpts_of(
 ) -> list[Excerpt]:
     """Return excerpts of at most `longest` seconds from the middle of evenly chosen pieces.
 
-    For joints at rest in them, those parts of all pieces are added in which they move most.
+    The part with the most motion of a joint is added if the joint moves less than half as far in
+    the excerpts, as in motions joint by joint: half the motion has a quarter of the power.
     """
     # 24 excerpts at most
     chosen = sorted({round(k) for k in np.linspace(0, len(pieces) - 1, min(24, len(pieces)))})
     parts = [_middle(pieces[k], longest) for k in chosen]
+    others = [part for piece in pieces for part in _parts(piece, longest)]
+    ways = np.array([_way(samples, part) for part in others])
+    shown = np.max([_way(samples, part) for part in parts], axis=0)
+    rest = shown < ways.max(axis=0) / 2
+    parts += [others[k] for k in sorted(set(np.argmax(ways[:, rest], axis=0).tolist()))]
     values = [even_samples(samples, part) for part in parts]
-    extents = [
-        extent(q, part.stretch.period) for part, (q, _, _) in zip(parts, values, strict=True)
-    ]
-    if not (moves := moving(extents)).all():
-        others = [part for piece in pieces for part in _parts(piece, longest)]
-        ways = [np.ptp(even_samples(samples, part)[0][:, ~moves], axis=0) for part in others]
-        parts += [others[k] for k in sorted(set(np.argmax(ways, axis=0).tolist()))]
-        values += [even_samples(samples, part) for part in parts[len(values) :]]
     whole = sum(part.duration for part in parts)
     found = []
     for part, (q, tau, qd) in zip(parts, values, strict=True):
@@ -157,6 +156,14 @@ def excerpts_of(
         begin = float(part.grid[0] - pieces[0].grid[0])
         found.append(Excerpt(part.stretch.period, q, tau, qd, points, begin))
     return sorted(found, key=lambda each: each.begin)
+
+
+def _way(samples: Samples, part: Piece) -> Array:
+    """Return ranges of positions in rows `SPAN` apart, shape (n_joints,)."""
+    every = max(1, round(SPAN / part.stretch.period))
+    at = np.searchsorted(part.stretch.instants, part.grid[::every])
+    rows = part.stretch.rows[at.clip(max=len(part.stretch.rows) - 1)]
+    return np.asarray(np.ptp(samples.read(rows)[:, : samples.n_joints], axis=0))
 
 
 def _middle(piece: Piece, longest: float) -> Piece:
@@ -190,6 +197,13 @@ class Evidence:
     noise_recorded: Array
     moves: Mask
     duration: float
+
+    @cached_property
+    def noise_share(self) -> Array:
+        """Ratio of noise to acceleration in motion, root mean squares, shape (n_joints,)."""
+        speed = np.abs(self.qd)
+        power = np.mean(self.qdd**2, axis=0, where=speed >= SLOW * speed.max(axis=0))
+        return np.asarray(self.noise_qdd / np.sqrt(power).clip(1e-300))
 
     @classmethod
     def join(cls, excerpts: Sequence[Excerpt]) -> Evidence:

@@ -28,6 +28,7 @@ from hil.imports.misread import (
     unmeasurable,
 )
 from hil.imports.two_clocks import clock_of_velocities
+from hil.least_squares.standstill import moving_in
 from hil.model.frames import ROUNDED_OFF
 
 if TYPE_CHECKING:
@@ -51,7 +52,7 @@ def suspicions(
     rate: float | None = None,
     whole: Callable[[], Sequence[Excerpt]] | None = None,
 ) -> list[Suspicion]:
-    """Return all suspicions, certain ones first.
+    """Return the suspicions, certain ones first.
 
     Parameters
     ----------
@@ -102,10 +103,10 @@ def suspicions(
         wrong = any(suspicion.certain for suspicion in found)
         held = [] if wrong else list(_held(excerpts, evidence))
         found += held
-        found += () if clock or held else _noisy(excerpts, evidence)
+        found += () if clock or held else _noisy(excerpts)
     if not any(suspicion.certain for suspicion in found):
-        ways, widths = np.ptp(evidence.q, axis=0), robot.q_max - robot.q_min
-        found += small(evidence, robot, "position", ways, widths) if alone is None else ()
+        if alone is None:
+            found += _narrow(evidence, robot, reached)
         # stated rotor inertias contradict torques of another unit or side
         shown = evidence.moves & ~coarse(evidence) & (np.ptp(evidence.tau, axis=0) > 0)
         # accelerations of a wrong or uneven rate contradict any map
@@ -157,6 +158,17 @@ def _still(
             )
 
 
+def _narrow(
+    evidence: Evidence, robot: Robot, reached: Callable[[], tuple[Array, Array]] | None
+) -> list[Suspicion]:
+    """Return a suspicion of ranges too small in the excerpts and in the whole recording."""
+    widths = robot.q_max - robot.q_min
+    found = [*small(evidence, robot, "position", np.ptp(evidence.q, axis=0), widths)]
+    if found and reached:
+        found = [*small(evidence, robot, "position", np.ptp(reached(), axis=0), widths)]
+    return found
+
+
 def _held(excerpts: Sequence[Excerpt], evidence: Evidence) -> Iterator[Suspicion]:
     """Yield suspicions of columns that repeat the previous row while the joint moves."""
     for joint in np.flatnonzero(evidence.moves).tolist():
@@ -189,26 +201,27 @@ def _held(excerpts: Sequence[Excerpt], evidence: Evidence) -> Iterator[Suspicion
 
 def coarse(evidence: Evidence) -> Mask:
     """Return joints with more than half of the acceleration's power from noise of the position."""
-    power = np.mean(evidence.qdd**2, axis=0)
-    return np.asarray(evidence.noise_qdd**2 > power / 2)
+    return np.asarray(evidence.noise_share**2 > 1 / 2)
 
 
-def _noisy(excerpts: Sequence[Excerpt], evidence: Evidence) -> Iterator[Suspicion]:
+def _noisy(excerpts: Sequence[Excerpt]) -> Iterator[Suspicion]:
     """Yield a suspicion of positions whose noise lowers the identified inertias.
 
     Noise has the share of the accelerations' power by which least squares lowers inertias, in the
-    band of frequencies that identification uses.
+    band of frequencies that identification uses, over the excerpts with motion of a joint.
     """
-    axes, period = np.flatnonzero(evidence.moves).tolist(), excerpts[0].period
-    spectra = [(k, spectrum(e.q[:, axis], period)) for e in excerpts for k, axis in enumerate(axes)]
+    moves, period = moving_in([each.extent for each in excerpts]), excerpts[0].period
+    spectra = [
+        (axis, spectrum(excerpts[k].q[:, axis], period)) for k, axis in np.argwhere(moves).tolist()
+    ]
     band = cut_off_of([bandwidth(*each, period) for _, each in spectra], period, None)[0] / BANDS
-    powers = np.zeros((2, len(axes)))  # of the noise, and of all
-    for k, (f, power) in spectra:
+    powers = np.zeros((2, moves.shape[1]))  # of the noise, and of all
+    for axis, (f, power) in spectra:
         weight = ((2 * np.pi * f) ** 2 / (1 + (f / band) ** (2 * ORDER))) ** 2
-        powers[:, k] += weight.sum() * floor(f, power, period), weight @ power
+        powers[:, axis] += weight.sum() * floor(f, power, period), weight @ power
     shares = powers[0] / np.maximum(powers[1], np.finfo(float).tiny)
     if shares.max(initial=0.0) > LOWERED:
-        poor = [axis for axis, share in zip(axes, shares, strict=True) if share > LOWERED]
+        poor = np.flatnonzero(shares > LOWERED).tolist()
         yield Suspicion(
             "velocity",
             ("joints", poor[0], "position"),

@@ -86,11 +86,10 @@ def _checks(robot: Robot, excerpts: Sequence[Excerpt], evidence: Evidence) -> It
             f"check time: sampling rate by the velocities is {ratio:.4g} times that of the map, "
             f"uncertain by {100 * error:.2g} %"
         )
-    power = np.sqrt(np.mean(evidence.qdd**2, axis=0))
     poor = [str(joint + 1) for joint in np.flatnonzero(coarse(evidence) & evidence.moves)]
     hidden = f"; accelerations hidden by noise for joint {', '.join(poor)}" if poor else ""
-    share = evidence.noise_qdd / power.clip(1e-300)
-    yield f"check velocity: ratio of noise to accelerations {_each(share)}{hidden}"
+    share = _each(evidence.noise_share.tolist())
+    yield f"check velocity: ratio of noise to accelerations {share}{hidden}"
 
 
 def _each(values: Sequence[float]) -> str:

@@ -76,10 +76,26 @@ def _noise(x: Array, scatter: float) -> float:
 
 def moving(extents: Sequence[Extent]) -> Mask:
     """Find the moving axes from the extents of the recordings, shape (n_joints,)."""
+    reach, band, _ = _reaches(extents)
+    return np.asarray(reach > band)
+
+
+def moving_in(extents: Sequence[Extent]) -> Mask:
+    """Find the recordings with motion of an axis, shape (n_recordings, n_joints).
+
+    An axis may rest in every recording, at other positions.
+    """
+    _, band, own = _reaches(extents)
+    return np.asarray(own > band)
+
+
+def _reaches(extents: Sequence[Extent]) -> tuple[Array, Array, Array]:
+    """Return ranges over all recordings, noise bands, and ranges by recording."""
     low, high, noise = (np.array(each) for each in zip(*extents, strict=True))
     reach = high.max(axis=0) - low.min(axis=0)
     band = np.maximum(NOISY * noise.max(axis=0), CARRIED * reach.max())
-    return np.asarray(reach > np.maximum(band, ROUNDING * np.abs([low, high]).max(axis=(0, 1))))
+    band = np.maximum(band, ROUNDING * np.abs([low, high]).max(axis=(0, 1)))
+    return reach, band, high - low
 
 
 def increment(x: Array) -> float:

@@ -144,7 +144,7 @@ class BandResidual(FileModel):
 def unexplained(
     found: BandResidual | None, limit: Array, accuracy: float, *, own_friction: bool = False
 ) -> Iterator[Reservation]:
-    """Return an objection to each loaded axis with a large residual, the worst first.
+    """Return an objection to every loaded axis with a large residual, the worst first.
 
     A model fails that predicts the torque of an axis worse than the torque 0 does, if friction was
     fitted in these recordings: elsewhere friction may be another.

@@ -6,6 +6,7 @@ the parameters' uncertainty, which is valid only for a correct model.
 
 from __future__ import annotations
 
+from functools import partial
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -87,12 +88,18 @@ def _found(model: Model) -> Iterator[Reservation]:
             yield (failed if spoilt else doubtful)(str(cause), cause.remedy)
 
 
-def _unexplained(fit: FreeMotionFit) -> Reservation | None:
-    """Return an objection to a residual of free motions close to that of a constant torque."""
-    pairs = zip(fit.relative_residual, fit.naive_residual, strict=False)
+def _unexplained(fit: FreeMotionFit, in_motion: Array | None) -> Reservation | None:
+    """Return an objection to a residual of free motions close to that of a constant torque.
+
+    Static friction holds an axis at rest with any torque up to its limit, so a smaller residual
+    `in_motion`, over the torque, counts instead; shape (n_joints,), NaN where unknown.
+    """
+    lefts = np.array(fit.relative_residual, dtype=float)
+    lefts = (lefts if in_motion is None else np.fmin(lefts, in_motion)).tolist()
+    pairs = zip(lefts, fit.naive_residual, strict=False)
     ratios = {}
     for axis, (left, naive) in enumerate(pairs, start=1):
-        if left is None or naive is None or axis in fit.still:
+        if np.isnan(left) or naive is None or axis in fit.still:
             continue
         if naive <= ROUNDED_OFF:
             return failed(
@@ -104,11 +111,11 @@ def _unexplained(fit: FreeMotionFit) -> Reservation | None:
     if not worst or ratios[worst] ** 2 <= HALF:
         return None
     reason = (
-        f"axis {worst}: the model leaves {fit.relative_residual[worst - 1]:.0%} of the torque "
+        f"axis {worst}: the model leaves {lefts[worst - 1]:.0%} of the torque "
         f"unexplained, a constant torque {fit.naive_residual[worst - 1]:.0%}"
     )
     share = fit.repeated[worst - 1] if fit.repeated else 0.0
-    if (fit.relative_residual[worst - 1] or 0.0) < ACCURACY and share <= HALF:
+    if lefts[worst - 1] < ACCURACY and share <= HALF:
         return doubtful(
             f"{reason}: its torque is almost constant",
             "add recordings in which the torque of this axis changes, or check its column",
@@ -211,7 +218,6 @@ def _axes(axes: Iterable[int]) -> str:
 
 
 OF_FREE_MOTIONS: tuple[Rule[FreeMotionFit], ...] = (
-    _unexplained,
     When(
         lambda fit: fit.bias_test if fit.bias_test and fit.bias_test.biased else None,
         "noise of the positions shifts the parameters by up to {0.shift:.2g} standard errors",
@@ -254,6 +260,8 @@ OF_FREE_MOTIONS: tuple[Rule[FreeMotionFit], ...] = (
 
 def _free_motions(model: Model) -> Iterator[Reservation]:
     if isinstance(model.details, FreeMotionFit):
+        left = model.band_residual.relative_smoothed if model.band_residual else None
+        yield from reservations((partial(_unexplained, in_motion=left),), model.details)
         yield from reservations(OF_FREE_MOTIONS, model.details)
 
 

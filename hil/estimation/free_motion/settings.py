@@ -3,9 +3,9 @@
 The spectrum of a position falls to the noise floor of the measurement, which is about constant over
 frequency and alone near half the sampling rate. Below the frequency where the spectrum is `ABOVE`
 times that floor, the motion can be differentiated twice; above, accelerations become noise. That
-frequency, the median over the axes, is the cut-off frequency unless the map states one. A period of
-the cut-off has at least `FINE` samples, and the cut-off is at most `HIGHEST`, where no arm is rigid
-any more.
+frequency, the median over the axes in stretches with motion, is the cut-off frequency unless the
+map states one. A period of the cut-off has at least `FINE` samples, and the cut-off is at most
+`HIGHEST`, where no arm is rigid any more.
 
 Torque and columns are filtered with a third of that cut-off. Positions must keep sharp bends, such
 as the start of a trapezoid, or columns are wrong; the equation holds in any band, with less noise
@@ -33,6 +33,7 @@ import numpy as np
 from scipy import fft
 
 from hil.estimation.free_motion.motion import BANDS, FINE, Processing, low_passed, reach
+from hil.least_squares.standstill import extent, moving, moving_in
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -73,14 +74,15 @@ class Reasons:
 def processing_of(found: Survey) -> tuple[Processing, Reasons]:
     """Choose the settings for the recordings, with reasons."""
     period = found.stretches[0].period
-    moving = [axis for axis in range(len(found.speed)) if axis not in found.still]
+    long = _long(found)
+    moves = moving_in([extent(part.q, part.period) for part in long])
+    moves[:, list(found.still)] = False
     each = [
-        bandwidth(*spectrum(part.q[:, axis], period), period)
-        for part in _long(found)
-        for axis in moving
+        bandwidth(*spectrum(long[k].q[:, axis], period), period)
+        for k, axis in np.argwhere(moves).tolist()
     ]
     cut_off, reason = cut_off_of(each, period, found.cut_off)
-    sources = velocity_sources(_long(found), cut_off)
+    sources = velocity_sources(long, cut_off)
     recorded = np.array([source.recorded for source in sources])
     reasons = Reasons(reason, tuple(source.reason for source in sources))
     none = np.zeros(len(found.speed))
@@ -211,7 +213,7 @@ def _figures(part: Recording, axes: Mask, cut_off: float) -> Array:
     _, v, a = (x[kept] for x in low_passed(q, period, cut_off, derivatives=2))
     recorded = low_passed(qd, period, cut_off)[0][kept]
     size = np.sqrt(np.sum(v**2, axis=0))
-    moves = size > 0
+    moves = moving([extent(q, period)])
     with np.errstate(divide="ignore", invalid="ignore"):
         different = np.sqrt(np.sum((v - recorded) ** 2, axis=0)) / size
         # recorded = scale (v - lag a), by least squares for any scale

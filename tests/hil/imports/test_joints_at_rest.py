@@ -1,5 +1,7 @@
 """Joints at rest cannot be checked, and cause no complaints."""
 
+import re
+
 import numpy as np
 import pytest
 from small_recording import a_map, motion, table, write_csv, write_map
@@ -96,3 +98,40 @@ def test_joints_that_move_one_after_the_other_all_move(tmp_path):
     the_map = write_map(tmp_path, a_map(velocity=False, accept=["shape"]))
     import_recordings([the_map], tmp_path / "run", stated.append)
     assert not [s for s in stated[0].suspicions if s.check == "still"]
+
+
+def motion_by_turns(t):
+    """Return columns of a motion of two joints in turn, each at rest most of the time elsewhere."""
+    first = (t < 20) | ((t > 40) & (t < 80)) | (t > 100)
+    clocks = [np.cumsum(own) * (t[1] - t[0]) for own in (first, ~first)]
+    each = [motion(clock) for clock in clocks]
+    q, tau = (np.stack([each[k][i][:, k] for k in (0, 1)], axis=1) for i in (0, 2))
+    return q + 1e-5 * RNG.standard_normal(q.shape), tau
+
+
+def stated_of(folder, t, q, tau):
+    columns = dict(zip(["t", "q1", "q2", "m1", "m2"], [t, *q.T, *tau.T], strict=True))
+    write_csv(folder / "data.csv", columns)
+    stated = []
+    the_map = write_map(folder, a_map(velocity=False, accept=["shape"]))
+    import_recordings([the_map], folder / "run", stated.append)
+    return stated[0]
+
+
+def test_motion_is_described_where_a_joint_moves(tmp_path):
+    """The first joint rests in the middle of both minutes, at two positions."""
+    t = np.arange(12000) / 100
+    found = stated_of(tmp_path, t, *motion_by_turns(t))
+    assert not [s.message for s in found.suspicions if "noise" in s.message]
+    speed = float(re.search(r"up to (\S+) rad/s", found.explanation[0])[1])
+    assert speed > 1.0
+    shares = found.explanation[-1].split("accelerations ")[1]
+    assert max(map(float, shares.split(", "))) < 0.2
+
+
+def test_a_range_reached_outside_the_excerpts_is_not_small(tmp_path):
+    t = np.arange(4000) / 100
+    q, _, tau = motion(t)
+    q = 0.03 * q + np.outer(t, [0.004, 0.0])
+    found = stated_of(tmp_path, t, q, tau)
+    assert not [s.message for s in found.suspicions if "the largest share" in s.message]

@@ -69,9 +69,23 @@ def test_friction_that_gives_power_is_doubted_by_its_axis(tmp_path: Path) -> Non
 def test_a_torque_that_hardly_changes_is_a_doubt_and_no_failure(tmp_path: Path) -> None:
     model = identified(tmp_path, lambda tau: tau)
     constant = {"relative_residual": (0.01, 0.02), "naive_residual": (1.0, 0.02)}
-    found = judged(replace(model, details=model.details.model_copy(update=constant)))
+    details = model.details.model_copy(update=constant)
+    found = judged(replace(model, details=details, band_residual=None))
     assert found.word == "doubtful"
     assert "axis 2: the model leaves 2% of the torque" in str(found.reasons)
+
+
+@pytest.mark.parametrize(("in_motion", "word"), [(0.23, "doubtful"), (0.7, "failed")])
+def test_friction_held_at_rest_is_no_failure(tmp_path: Path, in_motion: float, word: str) -> None:
+    model = identified(tmp_path, lambda tau: tau)
+    held = {"relative_residual": (0.01, 0.58), "naive_residual": (1.0, 0.81)}
+    left = model.band_residual
+    assert left is not None
+    smoothed = tuple(in_motion * (each or 0) for each in left.moving)
+    details = model.details.model_copy(update=held)
+    band = left.model_copy(update={"smoothed": smoothed})
+    found = judged(replace(model, details=details, band_residual=band))
+    assert found.word == word
 
 
 def test_an_unusual_offset_that_passes_for_weight_is_doubted_by_its_axis(tmp_path: Path) -> None:

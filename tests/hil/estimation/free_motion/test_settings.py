@@ -21,6 +21,15 @@ def test_noise_of_the_positions_lowers_the_cut_off() -> None:
     assert found[0] > found[1] > found[2]
 
 
+def test_axes_at_rest_in_most_recordings_do_not_lower_the_cut_off() -> None:
+    data = recorded(arm(), TRUTH, n=3, of_position=1e-5)
+    moving = processing_of(survey(data))[0].cut_off
+    for number, axis in ((0, 1), (1, 0), (2, 0), (2, 1)):
+        q = data[number][1].q
+        q[:, axis] = 0.1 * number + 1e-5 * np.random.default_rng(number).standard_normal(len(q))
+    assert processing_of(survey(data))[0].cut_off == pytest.approx(moving, rel=0.3)
+
+
 def test_a_stated_cut_off_is_taken_and_its_reason_said() -> None:
     data = [
         (motion.model_copy(update={"cut_off": 8.0}), each)
