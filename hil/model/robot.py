@@ -271,11 +271,15 @@ def load_description(
     """
     chain = read_description(path, base, tip)
     try:
-        return parse_robot(robot_as_stated(chain, gravity), str(path))
+        robot = parse_robot(robot_as_stated(chain, gravity), str(path))
+        if robot.weighed_slides:
+            text = robot_as_stated(chain, gravity, robot.weighed_slides)
+            robot = parse_robot(text, str(path))
     except FileError as error:
         raise FileError(
             "\n".join(_locate_in_urdf(chain, line) for line in str(error).split("\n"))
         ) from error
+    return robot
 
 
 def read_description(path: Path, base: str | None = None, tip: str | None = None) -> UrdfChain:

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from hil.model.drive_train_file import NO_DRIVE, UNKNOWN, USUAL_UNCERTAINTY, Drive
-from hil.model.frames import frame_pose
+from hil.model.frames import ROUNDED_OFF, frame_pose
 from hil.model.polynomial import Polynomial, parse
 from hil.model.robot_file import LINK_PARAMETERS, Joint, RobotFile, split_tie
 
@@ -267,6 +267,24 @@ class RobotArrays:
         theta, r = self.theta[joint] + turn, self.r[joint] + shift
         about_z = self.gamma[joint], self.b[joint]
         return frame_pose(self.alpha[joint], self.d[joint], theta, r, *about_z)
+
+    @cached_property
+    def weighed_slides(self) -> tuple[int, ...]:
+        """Slides along which gravity is constant, from 0.
+
+        There the rotor inertia takes any share of the moved mass, and the offset of friction any
+        share of the weight, with the same torques.
+        """
+        weights = []
+        for q in np.random.default_rng(22).uniform(-np.pi, np.pi, (3, self.n_joints)):
+            turns: list[Array] = []
+            for joint, parent in enumerate(self.parents):
+                turn = self.pose_at(joint, q[joint])[:3, :3]
+                turns.append(turns[parent] @ turn if parent >= 0 else turn)
+            weights.append([float(self.gravity @ turn[:, 2]) for turn in turns])
+        least = ROUNDED_OFF * np.linalg.norm(self.gravity)
+        constant = (np.ptp(weights, axis=0) <= least) & (np.abs(weights[0]) > least)
+        return tuple(np.flatnonzero(constant & ~self.revolute).tolist())
 
     def _pose(self, joint: int, d: Any, r: Any, b: Any) -> NDArray[Any]:
         theta = 0.0 if self.revolute[joint] else self.theta[joint]

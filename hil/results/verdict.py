@@ -277,8 +277,11 @@ def _unexcited(model: Model) -> Iterator[Reservation]:
             "measure motions that show its parameters (hil plan --refine)",
         )
         return
+    # a wider range does not change a constant weight
+    weighed = np.isin(np.arange(model.robot.n_joints), model.robot.weighed_slides)
     errors = [free.standard_error(model.covariance, gravity=only) for only in (True, False)]
-    heavy, unknown = errors[0] ** 2 > HALF * errors[1] ** 2, relative > TOLERANCE
+    heavy = (errors[0] ** 2 > HALF * errors[1] ** 2) & ~weighed
+    unknown = relative > TOLERANCE
     for axes, motion, remedy in (
         (heavy & unknown, "a motion through its whole range", "over a wider range"),
         (~heavy & unknown, "motions as fast as its limits allow", "with greater acceleration"),

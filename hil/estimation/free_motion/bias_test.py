@@ -40,7 +40,8 @@ def bias_test(
     if processing.cut_off * periods[0] * FINE > 1.0:
         return None
     samples = [each.recording.n_samples for each in stretches]
-    divided = division(processing, float(np.dot(periods, samples)))
+    usable = len(stretches), sum(each.duration for each in stretches)
+    divided = division(processing, float(np.dot(periods, samples)), usable=usable)
     terms = tuple(t for t in COLUMNS if t == BENT or any(t in LAWS[law] for law in choice.laws))
     products = scaling.applied(
         recorded_products(

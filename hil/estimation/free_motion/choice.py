@@ -204,7 +204,7 @@ def covariance_of_choices(products: Products, choice: Choice) -> Array:
         one direction only.
     """
     layout, n = products.layout, products.n_joints
-    one_way = only_directions(products.pieces)
+    one_way = only_directions(products.ways)
     whole = products.pieces[0].normal(choice.weights)
     zones = range(choice.slowest, len(SPEEDS))
     fits = {zone: products.pieces[zone].normal(choice.weights) for zone in zones}

@@ -9,7 +9,7 @@ import numpy as np
 
 from hil.estimation.free_motion.accumulation import SPEEDS
 from hil.estimation.free_motion.columns import coupled_names
-from hil.estimation.free_motion.offsets import only_directions
+from hil.estimation.free_motion.offsets import only_directions, weight_in_offset
 from hil.estimation.free_motion.result import FEW_BLOCKS, LOOSE, POOR
 from hil.estimation.nuisances import STEP, compliance_names
 from hil.friction.direction import Direction
@@ -79,7 +79,7 @@ def _value(fit: Fit, place: int) -> TermValue:
 def _one_way(products: Products, fit: Fit) -> dict[int, OneWay]:
     """Return the axes, from 0, moving in a single direction."""
     found = {}
-    for axis, direction in only_directions(products.pieces).items():
+    for axis, direction in only_directions(products.ways).items():
         places, both = _places(fit, axis, ("offset", "Coulomb")), np.array([1.0, direction])
         variance = float(both @ fit.covariance[np.ix_(places, places)] @ both)
         together = TermValue.estimated(float(both @ fit.x[places]), variance)
@@ -238,6 +238,12 @@ def remarks(
         f"axis {axis + 1}: its torque at rest does not follow the motion of the other axes; a "
         "brake or static friction may carry the load, so this torque is not used"
         for axis in held
+    ]
+    said += [
+        f"axis {axis + 1}: gravity is constant along this slide, so the moved mass includes the "
+        "rotor, and the friction offset the rotor's weight; torques stay the same; to separate "
+        "the two, state the rotor_inertia in the robot file"
+        for axis in weight_in_offset(robot)
     ]
     for axis, one in _one_way(products, solution.fit).items():
         said.append(

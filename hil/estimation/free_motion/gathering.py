@@ -191,7 +191,9 @@ def gather(
     nuisances = find_nuisances(robot, found, processing, options.nuisance if chosen else ())
     processing = nuisances.processing
     stretches = _unspoilt_stretches(found, motions, processing)
-    divided = division(processing, found.duration, stretches)
+    count = found.n_recordings
+    usable = count, found.duration - count * stretches[0].spoilt
+    divided = division(processing, found.duration, stretches, usable)
     beside = p if found.unknown_gains else None
     first, unknown = beside, found.unknown_gains
     if first is None:

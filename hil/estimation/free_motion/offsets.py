@@ -10,7 +10,8 @@ o is shared with base parameters, and o^2 > s^2 + V_oo, then either the offset i
 zero error or a spring, or the model lacks a term that resembles acceleration. The torques do not
 show which, so the estimate stays and its covariance grows in the direction of least change of the
 torques, until o^2 = s^2 + V_oo: the value of the greatest likelihood. An offset significantly above
-s is named.
+s is named. A slide along constant gravity with rotor inertia 0 is an exception: the moved mass
+includes the rotor, and the offset the rotor's weight, of any size.
 
 On an axis that moves in one direction only, offset and Coulomb friction share a column. Either may
 be the whole sum, so each is uncertain by half of the sum.
@@ -32,8 +33,8 @@ if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from hil.arrays import Array
-    from hil.least_squares.blocks import Blocks
     from hil.least_squares.layout import Layout
+    from hil.model.robot import Robot
 
 ASYMMETRY = 0.15
 """Usual offset as a share of friction at half the speed. Measured: 5, 17, 5, 4 and 1 % on five
@@ -42,7 +43,12 @@ joints of the TX40, 16 % on EMPS.
 
 
 def enlarge_covariance(
-    x: Array, V: Array, metric: Array, layout: Layout, degrees: Array
+    x: Array,
+    V: Array,
+    metric: Array,
+    layout: Layout,
+    degrees: Array,
+    free: Sequence[int] = (),
 ) -> tuple[Array, list[int]]:
     """Enlarge the covariance of unusual offsets indistinguishable from gravity.
 
@@ -57,6 +63,8 @@ def enlarge_covariance(
         least change of the torques.
     degrees : ndarray, shape (n,)
         Degrees of freedom of V.
+    free : sequence of int
+        Axes, from 0, with a weight in the offset (`weight_in_offset`).
 
     Returns
     -------
@@ -73,7 +81,7 @@ def enlarge_covariance(
         forward, back = columns @ x[layout.place(axis)[n_shared:]]
         s = ASYMMETRY * (abs(float(forward - back)) / 2)
         more = float(x[place] ** 2 - s**2 - V[place, place])
-        if more <= 0.0 or V[place, place] <= 0:
+        if more <= 0.0 or V[place, place] <= 0 or axis in free:
             continue
         # smallest relevant share of base parameters in an offset's variance: without this share the
         # standard error would be a third, sqrt(1 - 0.9)
@@ -89,26 +97,29 @@ def enlarge_covariance(
     return V, unusual
 
 
-def only_directions(pieces: Sequence[Blocks]) -> dict[int, int]:
+def weight_in_offset(robot: Robot) -> tuple[int, ...]:
+    """Return the slides, from 0, whose mass includes the rotor, and whose offset the weight."""
+    return tuple(axis for axis in robot.weighed_slides if robot.rotor_inertia[axis] == 0)
+
+
+def only_directions(ways: Array) -> dict[int, int]:
     """Return the axes, from 0, moving in a single direction, 1 or -1, outside the dead zone.
 
     Samples at low speed are ignored: friction of an axis at rest takes any value up to Coulomb
-    friction. Fewer samples than terms, of short motions, may have one direction by chance: then the
-    whole path must have this direction, too.
+    friction. Samples are counted before the low-pass, whose reach may contain several strokes.
+
+    Parameters
+    ----------
+    ways : ndarray, shape (n_joints, 2)
+        See `hil.estimation.free_motion.accumulation.Products`.
     """
-    every, moving = (each.total.products[0] for each in pieces[:2])
-    offset, Coulomb, viscous, speed = pieces[0].place("offset", "Coulomb", "viscous", "asymmetric")
-    excess, ones, squares = (
-        moving[:, i, k] for i, k in ((offset, Coulomb), (offset, offset), (Coulomb, Coulomb))
-    )
     # largest share w of moving samples in the opposite direction for motion in one direction only:
     # then offset and Coulomb friction are at least sqrt(1 / w + 1) / 2 = 5 times as uncertain as
     # their sum
-    share = 1.0 - 2.0 * 0.01
-    one = np.abs(excess) > share * np.sqrt(ones * squares)
-    few = pieces[1].total.counts[0] < len(pieces[1].own)
-    one &= ~few | (np.abs(every[:, offset, viscous]) > share * every[:, offset, speed])
-    return {int(axis): int(np.sign(excess[axis])) for axis in np.flatnonzero(one)}
+    one = ways.min(axis=1) < 0.01 * ways.sum(axis=1)
+    return {
+        axis: 1 if ways[axis, 0] > ways[axis, 1] else -1 for axis in np.flatnonzero(one).tolist()
+    }
 
 
 def split_covariance(directions: dict[int, int], layout: Layout, x: Array) -> Array:

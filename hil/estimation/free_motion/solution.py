@@ -26,7 +26,12 @@ import numpy as np
 
 from hil.errors import NotIdentifiable
 from hil.estimation.free_motion.choice import MATERIAL, covariance_of_choices
-from hil.estimation.free_motion.offsets import enlarge_covariance, only_directions, split_covariance
+from hil.estimation.free_motion.offsets import (
+    enlarge_covariance,
+    only_directions,
+    split_covariance,
+    weight_in_offset,
+)
 from hil.estimation.free_motion.positive import nearest_positive
 from hil.estimation.options import DEFAULTS
 from hil.estimation.prior import least_unknowns, open_covariance
@@ -125,7 +130,7 @@ def solve(
     rule: Covariance = options.covariance if solver == "positive" else "jackknife"
     fit = asked.fit(rule, products.cells[choice.slowest], BLOCKS)
     covariance = fit.covariance
-    covariance += split_covariance(only_directions(products.pieces), fit.layout, fit.x)
+    covariance += split_covariance(only_directions(products.ways), fit.layout, fit.x)
     fit = replace(fit, covariance=covariance, condition=condition(pieces.normal.information))
     # no weight: torque 0 throughout, so the friction of such an axis is in no equation so far
     mute = (choice.weights == 0) & ~np.isin(np.arange(robot.n_joints), still)
@@ -206,7 +211,7 @@ def refit_friction(products: Products, fit: Fit, covariance: Covariance, axes: I
     """
     layout, k = fit.layout, len(fit.layout.shared)
     axis = (fit.kept - k) // len(layout.own)
-    one_way = list(only_directions(products.pieces))
+    one_way = list(only_directions(products.ways))
     own = fit.kept[np.isin(axis, axes) & ~np.isin(axis, one_way)]
     if not len(own):
         return fit
@@ -247,7 +252,12 @@ def _possible(
     """
     metric = embedded(inverse(pieces.normal.information), fit.kept, len(fit.x)) + wide
     covariance, unusual = enlarge_covariance(
-        fit.x, fit.covariance, metric, fit.layout, fit.degrees_of_freedom
+        fit.x,
+        fit.covariance,
+        metric,
+        fit.layout,
+        fit.degrees_of_freedom,
+        weight_in_offset(robot),
     )
     nearest = nearest_positive(robot, fit.x, metric, configurations)
     error = np.sqrt(np.maximum(np.diag(covariance), np.finfo(float).tiny))

@@ -80,7 +80,9 @@ def draft_robot(source: UrdfChain | DhRobot, gravity: Sequence[float] | None = N
     return _text(source, gravity, title, _limits_to_state)
 
 
-def robot_as_stated(chain: UrdfChain, gravity: Sequence[float] | None = None) -> str:
+def robot_as_stated(
+    chain: UrdfChain, gravity: Sequence[float] | None = None, weighed: Sequence[int] = ()
+) -> str:
     """Convert a URDF or MJCF to a robot file with unknown values, sufficient for identification.
 
     Parameters
@@ -88,6 +90,8 @@ def robot_as_stated(chain: UrdfChain, gravity: Sequence[float] | None = None) ->
     chain : UrdfChain
     gravity : sequence of three floats, optional
         As in `draft_robot`.
+    weighed : sequence of int
+        Slides along which gravity is constant, from 0: their masses include the rotors' inertias.
 
     Raises
     ------
@@ -99,7 +103,15 @@ def robot_as_stated(chain: UrdfChain, gravity: Sequence[float] | None = None) ->
         *_warn_of_loops(chain),
         "# To move it, state what is unknown; an unknown rotor_inertia is identified.",
     ]
-    return _text(chain, gravity, title, _known_limits)
+    slides = {chain.joints[axis].name for axis in weighed}
+
+    def rest(joint: LimitedJoint) -> Iterator[str]:
+        yield from _known_limits(joint)
+        if joint.name in slides:
+            yield "    # gravity is constant here: the mass includes the rotor, unless stated"
+            yield "    drive: {rotor_inertia: 0, torque_constant: unknown}"
+
+    return _text(chain, gravity, title, rest)
 
 
 def _ends(chain: UrdfChain) -> str:

@@ -8,11 +8,15 @@ from typing import TYPE_CHECKING
 import numpy as np
 import pytest
 from free_run import TRUTH, arm, recorded, write_free_run
+from urdf_robots import ROBOTS, urdf
 
 import hil
 from hil.errors import NotEnoughData
 from hil.estimation.fit_details import NO_DETAILS
 from hil.friction.law import FrictionLaw
+from hil.model.base_parameters import base_parameters
+from hil.model.dynamics import inverse_dynamics
+from hil.model.robot import Robot
 from hil.results.model import Model
 from hil.results.predicted_torques import predicted_torques
 from hil.results.recorded_torque import predict_recording
@@ -126,3 +130,22 @@ def test_axes_that_are_not_excited_are_named_with_what_is_lacking(
     (doubt,) = (each for each in found.reasons if "not excited" in each.reason)
     assert doubt.reason.startswith("axis 1 not excited by the recordings")
     assert lacking in doubt.remedy
+
+
+def test_a_wider_range_is_no_remedy_for_a_slide_with_constant_weight(tmp_path: Path) -> None:
+    (tmp_path / "robot.urdf").write_text(urdf("gantry", ROBOTS["Cartesian"]))
+    gantry = Robot.load(tmp_path / "robot.urdf")
+    t = np.arange(4000)[:, np.newaxis] * 0.01
+    rates = 2 * np.pi * np.array([0.31, 0.43, 0.23])
+    q, qd = 0.2 * np.sin(rates * t), 0.2 * rates * np.cos(rates * t)
+    p = np.linspace(30.0, 10.0, len(base_parameters(gantry)))
+    tau = inverse_dynamics(gantry, p, q, qd, -(rates**2) * q) + 2.0 * np.sign(qd) + 3.0 * qd
+    tau += 0.05 * np.random.default_rng(1).standard_normal(tau.shape)
+    model = hil.identify(gantry, t=t[:, 0], q=q, tau=tau)
+    assert model.details.not_identified == ()
+    loose = model.scatter_covariance + 100.0 * np.eye(len(p))
+    reasons = verdict(replace(model, scatter_covariance=loose)).reasons
+    doubts = [each for each in reasons if "not excited" in each.reason]
+    assert [each.remedy.split(";")[0] for each in doubts] == [
+        "add recordings with greater acceleration"
+    ]

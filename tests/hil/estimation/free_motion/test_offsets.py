@@ -38,6 +38,13 @@ def test_weight_is_as_uncertain_as_an_unusual_offset() -> None:
     assert abs(x[0] - 8.0) < 1.96 * np.sqrt(covariance[0, 0])
 
 
+def test_an_offset_with_the_weight_of_a_rotor_may_have_any_size() -> None:
+    x, V = unknowns(error=12.0, own=0.01)
+    covariance, axes = enlarge_covariance(x, V, V, LAYOUT, DEGREES, free=(0,))
+    assert covariance == pytest.approx(V)
+    assert axes == []
+
+
 def test_noise_is_no_unusual_offset() -> None:
     """With 8 degrees of freedom, 2.5 standard errors above 3 N are noise."""
     x, V = unknowns(error=8.0, own=0.01)

@@ -120,6 +120,15 @@ def test_such_a_model_is_doubtful_and_says_to_move_in_both_directions(tmp_path: 
     assert outcome.remedy == "add recordings of faster motion in both directions"
 
 
+def test_strokes_back_shorter_than_the_reach_of_the_low_pass_count() -> None:
+    """No sample of the way back is farther from a reversal than the low-pass reaches."""
+    motion, recording = driven(np.array([0.3, 0.9, 0.5, 0.7, -0.2, 0.8, 0.4, 1.0, 0.6, -0.1] * 3))
+    found = estimate(ROBOT, [(motion.model_copy(update={"cut_off": 1.5}), recording)], DEFAULT)
+    axis = found.details.axes[0]
+    assert axis.one_way is None
+    assert axis.terms["Coulomb"].value == pytest.approx(COULOMB, abs=0.05)
+
+
 def test_a_drive_that_moves_in_both_directions_is_good_and_both_are_found(tmp_path: Path) -> None:
     model = model_of(tmp_path, np.concatenate([SPEEDS, -SPEEDS]))
     assert model.verdict is not None

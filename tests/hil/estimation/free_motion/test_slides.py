@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 from free_run import recorded, some_motion
+from urdf_robots import ROBOTS, urdf
 
 from hil.errors import NotIdentifiable
 from hil.estimation.identify import estimate
@@ -68,8 +69,23 @@ def test_with_the_rotor_in_the_mass_torques_are_the_same_and_the_offset_has_its_
     q, qd, qdd = some_motion(np.arange(500) * 0.01, seed=7)
     expected = inverse_dynamics(unknown, truth_of(unknown), q, qd, qdd)
     torques = inverse_dynamics(zero, found.values, q, qd, qdd)
+    assert found.details.unusual == ()
+    assert any("offset the rotor's weight" in each for each in found.details.remarks)
     expected[:, 0] += 8.0 * G  # weight compensated by the friction offset
     np.testing.assert_allclose(torques, expected, atol=0.02 * np.abs(expected).max(axis=0).max())
+
+
+@pytest.mark.parametrize(("name", "weighed"), [("SCARA", (2,)), ("Cartesian", (2,)), ("UR10e", ())])
+def test_from_a_urdf_the_mass_of_a_slide_along_gravity_includes_the_rotor(tmp_path, name, weighed):
+    (tmp_path / "robot.urdf").write_text(urdf(name, ROBOTS[name]))
+    robot = Robot.load(tmp_path / "robot.urdf")
+    assert robot.weighed_slides == weighed
+    assert np.flatnonzero(~robot.rotor_inertia_unknown).tolist() == list(weighed)
+
+
+def test_gravity_along_a_slide_on_a_tilting_link_is_not_constant():
+    assert lift(gravity=(0.0, -G, 0.0), axis=1).weighed_slides == ()
+    assert lift(gravity=(0.0, 0.0, -G), axis=1).weighed_slides == (1,)
 
 
 def test_a_slide_across_gravity_needs_no_rotor_inertia():

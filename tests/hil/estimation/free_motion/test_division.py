@@ -1,0 +1,41 @@
+"""Pieces of time: independent, and enough for an error from their scatter."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, cast
+
+import numpy as np
+import pytest
+
+from hil.estimation.free_motion.accumulation import division
+from hil.estimation.free_motion.result import FEW_BLOCKS
+
+if TYPE_CHECKING:
+    from hil.estimation.free_motion.motion import Processing
+
+
+@dataclass
+class Band:
+    """Band of the equation [Hz], and speeds of one axis."""
+
+    band: float
+    speed: np.ndarray = field(default_factory=lambda: np.ones(1))
+
+
+def piece(band: float, usable: tuple[int, float], duration: float = 60.0) -> float:
+    return division(cast("Processing", Band(band)), duration, usable=usable).piece
+
+
+@pytest.mark.parametrize(("count", "usable"), [(1, 57.0), (3, 56.0), (7, 54.0)])
+def test_a_minute_of_slow_motions_has_enough_pieces_for_errors(count: int, usable: float) -> None:
+    length = piece(1.25, (count, usable))
+    assert count * max(1, round(usable / count / length)) >= FEW_BLOCKS
+
+
+def test_pieces_are_never_shorter_than_five_periods() -> None:
+    assert piece(1.25, (1, 10.0)) == pytest.approx(5.0 / 1.25)
+
+
+def test_longer_recordings_have_pieces_of_ten_periods() -> None:
+    assert piece(1.25, (1, 300.0)) == pytest.approx(10.0 / 1.25)
