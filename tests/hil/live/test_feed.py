@@ -218,6 +218,7 @@ def test_a_listener_that_never_reads_is_never_waited_for(
     small_plan: Plan, manutec: Robot, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr("hil.live.feed._EVERY", 0.0)  # every sample: more than pipes hold
+    monkeypatch.setattr("drivers.session.session.AHEAD", 1)
     (deaf,) = run(small_plan, manutec, tmp_path / "run", "deaf")
     assert deaf.dropped > 100
     assert recorded(tmp_path / "run") == ["g1", "i1", "c1"]
