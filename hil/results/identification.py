@@ -17,7 +17,7 @@ from hil.estimation.condensed import stack
 from hil.estimation.drive_train import find_drive_train
 from hil.estimation.estimate import covariance_of_drives
 from hil.estimation.excluded.proof import proved
-from hil.estimation.free_motion.motion import low_passed, reach
+from hil.estimation.free_motion.motion import with_smooth_positions
 from hil.estimation.free_motion.result import FreeMotionFit
 from hil.estimation.friction.points import history
 from hil.estimation.identify import default_method, estimate
@@ -252,18 +252,11 @@ def identified(
             past = history(robot, prepared)
         stacks = (axes for motion, s in prepared for axes in stack(robot, motion, s))
         found = replace(found, friction_law=campaign_friction(robot, found.values, stacks, past))
-    smoothed = None
+    smooth = None
     if isinstance(found.details, FreeMotionFit):
-        smoothed = partial(_smoothed, found.details.cut_off)
-    proof = proved(run.robot, campaign, found.values, found.drive_train, found.joint, smoothed)
+        smooth = partial(with_smooth_positions, cut_off=found.details.cut_off)
+    proof = proved(run.robot, campaign, found.values, found.drive_train, found.joint, smooth)
     return ModelFit(model_of(run, found, others, proof, options, campaign))
-
-
-def _smoothed(cut_off: float, recording: Recording) -> Recording:
-    """Return the positions of a recording after the low-pass of an estimate, without the ends."""
-    arrays = recording.arrays | {"q": low_passed(recording.q, recording.period, cut_off)[0]}
-    far = reach(recording.period, cut_off)
-    return replace(recording, **{name: x[far : len(x) - far] for name, x in arrays.items()})
 
 
 def method_for(run: Run, others: Sequence[Run] = ()) -> tuple[str, str]:

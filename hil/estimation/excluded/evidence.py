@@ -160,9 +160,10 @@ class Evidence:
         axis : ndarray of int, shape (n,), optional
             Axes of the rows, if in another order.
         """
-        runs = dict(self.channels)
-        channels = [rows[runs.get(each, slice(0))] for each in range(self.n_channels)]
-        if axis is not None:
+        if axis is None:
+            runs = dict(self.channels)
+            channels = [rows[runs.get(each, slice(0))] for each in range(self.n_channels)]
+        else:
             channels = [rows[axis == each] for each in range(self.n_channels)]
         counts = np.array([float(len(own)) for own in channels])
         for at, Q in self.parts:

@@ -18,7 +18,7 @@ are dropped afterwards: no fit sees a reflected sample.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property, lru_cache, partial
 from typing import TYPE_CHECKING
 
@@ -328,6 +328,13 @@ def filtered_motion(recording: Recording, processing: Processing, offset: int = 
     used[spoilt : len(tau) - spoilt] = True
     telling = np.ones(tau.shape, dtype=bool) if window is None else window[::every] >= 0.5
     return Motion(processing, rates, q, qd, qdd, tau, used, telling, recording, offset, window)
+
+
+def with_smooth_positions(recording: Recording, cut_off: float) -> Recording:
+    """Return a recording with low-passed positions, without the spoilt ends; cut-off in Hz."""
+    arrays = recording.arrays | {"q": low_passed(recording.q, recording.period, cut_off)[0]}
+    far = reach(recording.period, cut_off)
+    return replace(recording, **{name: x[far : len(x) - far] for name, x in arrays.items()})
 
 
 def _window(recording: Recording, processing: Processing) -> Array | None:

@@ -19,9 +19,8 @@ with the mass all gains may be found. A gain that the load does not show stays a
 
 Covariances come from the differences between groups, of which few carry phi: scores are corrected
 for the fit of the solution to its own data (CR2). Errors that repeat with the motion do not scatter
-over time, but over cells of states (`hil.least_squares.regression`). Errors
-of torque constants and rotor inertias are the same in both runs, and enter by their effect on the
-solution.
+over time, but over cells of states (`hil.least_squares.regression`). Errors of torque constants and
+rotor inertias are the same in both runs, and enter by their effect on the solution.
 
 Let e be the score of a measurement of an axis about the base parameters, and I its information.
 Base parameters from this measurement alone, in the r directions that it determines, would differ
