@@ -17,7 +17,7 @@ from hil.estimation.condensed import stack
 from hil.estimation.drive_train import find_drive_train
 from hil.estimation.estimate import covariance_of_drives
 from hil.estimation.excluded.proof import proved
-from hil.estimation.free_motion.motion import with_smooth_positions
+from hil.estimation.free_motion.motion import smooth_positions
 from hil.estimation.free_motion.result import FreeMotionFit
 from hil.estimation.friction.points import history
 from hil.estimation.identify import default_method, estimate
@@ -254,7 +254,7 @@ def identified(
         found = replace(found, friction_law=campaign_friction(robot, found.values, stacks, past))
     smooth = None
     if isinstance(found.details, FreeMotionFit):
-        smooth = partial(with_smooth_positions, cut_off=found.details.cut_off)
+        smooth = partial(smooth_positions, cut_off=found.details.cut_off)
     proof = proved(run.robot, campaign, found.values, found.drive_train, found.joint, smooth)
     return ModelFit(model_of(run, found, others, proof, options, campaign))
 

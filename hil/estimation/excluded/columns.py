@@ -129,7 +129,7 @@ class EvidenceRows:
         self._rest: Array | None = None
 
     def include_rest(self, p: Array) -> EvidenceRows:
-        """Return the rows with gears that transmit the torque by `p` and its residual."""
+        """Return the rows with the residual of `p` in the transmitted torque."""
         e, found = self.evidence.project_out_own(), copy(self)
         found.__dict__.pop("_driven", None)
         found._rest = e.project_out_friction(e.torque - e.X @ p) + e.X @ (p - self.p)

@@ -330,7 +330,7 @@ def filtered_motion(recording: Recording, processing: Processing, offset: int = 
     return Motion(processing, rates, q, qd, qdd, tau, used, telling, recording, offset, window)
 
 
-def with_smooth_positions(recording: Recording, cut_off: float) -> Recording:
+def smooth_positions(recording: Recording, cut_off: float) -> Recording:
     """Return a recording with low-passed positions, without the spoilt ends; cut-off in Hz."""
     arrays = recording.arrays | {"q": low_passed(recording.q, recording.period, cut_off)[0]}
     far = reach(recording.period, cut_off)

@@ -98,7 +98,7 @@ def enlarge_covariance(
 
 
 def weight_in_offset(robot: Robot) -> tuple[int, ...]:
-    """Return the slides, from 0, with the rotor in the mass and its weight in the offset."""
+    """Return the slides, from 0, with the weight of the rotor in the offset."""
     return tuple(axis for axis in robot.weighed_slides if robot.rotor_inertia[axis] == 0)
 
 

@@ -257,7 +257,7 @@ def open_json(path: Path, _: Format) -> ParquetTable:
 
 
 def _refuse_turns(path: Path, table: Any) -> None:
-    """Refuse a table of one joint a row, all joints in turn."""
+    """Refuse a long layout: a joint in each object."""
     for name in table.column_names:
         seen = table.column(name).slice(0, LOOKED_AT).to_pylist()
         numbered = JOINT_WORDS.intersection(re.findall("[a-z]+", name.lower()))
