@@ -37,14 +37,13 @@ from hil.estimation.back_and_forth.result import BackAndForthFit
 from hil.estimation.back_and_forth.solution import solve as solve_strokes
 from hil.estimation.estimate import Estimate, LeftOut, covariance_of_drives
 from hil.estimation.free_motion.bias_test import bias_test
-from hil.estimation.free_motion.choice import classical_choice
+from hil.estimation.free_motion.choice import classical_choice, driving_axes
 from hil.estimation.free_motion.description import (
     Residuals,
     axis_friction,
     compliances,
     coupled_friction,
     dead_zone,
-    driving_axes,
     remarks,
     repeated_torques,
     silent_axes,
@@ -193,7 +192,7 @@ def estimate_from(
         blocks=products.n_pieces,
         still=tuple(axis + 1 for axis in found.still),
         rest={axis + 1: float(found.rest[axis]) for axis in found.still},
-        driving=driving_axes(fit),
+        driving=tuple(axis + 1 for axis in driving_axes(fit)),
         unusual=tuple(axis + 1 for axis in solution.unusual if axis not in found.still),
         not_identified=_names(robot, solution),
         bias_test=bias_test(robot, gathered.stretches, scaling, choice, gathered.first),

@@ -28,9 +28,9 @@ from hil.errors import NotEnoughData
 from hil.estimation.condensed import ROTOR
 from hil.estimation.free_motion.columns import axis_columns, shared_names, soft_gears
 from hil.estimation.free_motion.motion import changing
-from hil.estimation.free_motion.result import FEW_BLOCKS
 from hil.friction.terms import COLUMNS
 from hil.least_squares.blocks import Blocks
+from hil.least_squares.choice import FOLDS
 from hil.least_squares.normal_equations import successive
 from hil.model.dynamics import regressor
 
@@ -138,14 +138,15 @@ def division(
     """Divide recordings of a `duration` [s] into pieces, and `stretches` into cells of states.
 
     Pieces have 10 periods of the cut-off frequency or more. Where the recordings `usable` (number,
-    and total duration without spoilt ends [s]) then have fewer than `FEW_BLOCKS` pieces, pieces are
-    shorter, down to 5 periods. Errors from such pieces are 1.2 % too small for white noise, since
-    neighbours share filtered noise, but fewer pieces leave an error uncertain by a quarter or more.
+    and total duration without spoilt ends [s]) then have fewer pieces than cross-validation has
+    folds, pieces are shorter, down to 5 periods. Errors from such pieces are 1.2 % too small for
+    white noise, since neighbours share filtered noise, but fewer pieces leave an error uncertain by
+    a fifth or more, and hardly any difference between friction laws significant.
     """
     n, least = 2 * len(processing.speed), 10.0 / processing.band
-    if usable is not None and usable[0] < FEW_BLOCKS:
+    if usable is not None and usable[0] < FOLDS:
         # rounding takes half a piece of each recording at most
-        enough = usable[1] / (FEW_BLOCKS + usable[0] / 2)
+        enough = usable[1] / (FOLDS + usable[0] / 2)
         least = min(least, max(enough, 5.0 / processing.band))
     piece = max(duration / 120, least)  # about 120 pieces over all recordings
     if not stretches:

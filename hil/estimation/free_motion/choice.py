@@ -38,8 +38,9 @@ import numpy as np
 
 from hil.estimation.free_motion.accumulation import SPEEDS
 from hil.estimation.free_motion.offsets import only_directions
+from hil.friction.direction import Direction
 from hil.friction.search import TRIED, relative_errors
-from hil.friction.terms import BENT, LAWS, USUAL
+from hil.friction.terms import BENT, LAWS, USUAL, friction_columns
 from hil.least_squares.choice import HeldOut, simplest
 from hil.least_squares.regression import Regression
 
@@ -50,6 +51,7 @@ if TYPE_CHECKING:
     from hil.estimation.free_motion.accumulation import Products
     from hil.least_squares.blocks import Blocks
     from hil.least_squares.layout import Layout
+    from hil.least_squares.regression import Fit
 
 MATERIAL = 0.05
 """Largest growth of a residual (rms), over weighted least squares, accepted for a dead zone or a
@@ -106,6 +108,47 @@ def law_terms(law: str) -> tuple[str, ...]:
     return (*terms, BENT) if "Coulomb" in terms else terms
 
 
+def _braking(terms: Sequence[str]) -> Array:
+    """Return columns of the friction against the motion without load, shape (4, n_terms).
+
+    Speeds are a quarter to all of the reference speed, the mean of both directions.
+    """
+    forth, still = np.array([0.25, 0.5, 0.75, 1.0]), np.zeros(8)
+    u = np.append(forth, -forth)
+    columns = friction_columns(u, Direction(np.sign(u), still), still, still, still, terms=terms)
+    # offsets and asymmetry cancel between the two directions
+    return np.asarray((columns[:4] - columns[4:]) / 2)
+
+
+def _own(layout: Layout, axis: int) -> Indices:
+    return layout.place(axis)[len(layout.shared) :]
+
+
+def driving_axes(fit: Fit) -> tuple[int, ...]:
+    """Return the axes, from 0, whose friction law significantly supplies power at some speed."""
+    brakes, found = _braking(fit.layout.own), []
+    for axis in range(fit.layout.n_channels):
+        own = _own(fit.layout, axis)
+        V = fit.covariance[np.ix_(own, own)]
+        error = np.sqrt(np.einsum("nk,kl,nl->n", brakes, V, brakes).clip(0.0))
+        # friction drives an axis only if significant, by 2 standard errors
+        if (brakes @ fit.x[own] < -2.0 * error).any():
+            found.append(axis)
+    return tuple(found)
+
+
+def _is_friction(total: Regression, pieces: Blocks, axis: int) -> bool:
+    """Check that a law brakes: others compensate for another model error.
+
+    Load friction above the load would block a gear, and negative friction would drive it.
+    """
+    x, layout = total.solution, total.layout
+    if not 0.0 <= x[layout.index("load", axis)] < 1.0:
+        return False
+    brakes = (_braking(layout.own) @ x[_own(layout, axis)] >= 0.0).all()
+    return bool(brakes) or axis not in driving_axes(total.transfer(pieces).fit("clusters"))
+
+
 def usual(blocks: Blocks) -> Regression:
     """Return the regression with Coulomb and viscous friction, weighted by residual variance."""
     return Regression.weighed(blocks, kept_by(blocks.layout, [USUAL] * blocks.n_channels))
@@ -145,8 +188,7 @@ def choose(
     for slowest in sorted({zone, 0}, reverse=True):
         fitted = products.pieces[slowest]
         weights = usual(fitted).weights
-        pieces, total = fitted.normal(weights), fitted.total.normal(weights)
-        held_out = HeldOut(pieces, scored)
+        summed, held_out = fitted.total, HeldOut(fitted.normal(weights), scored)
         laws, errors = [tried[0]] * n, []
         for axis in range(n):
             others = {
@@ -154,17 +196,14 @@ def choose(
                 for law in _different(tried, products, axis)
             }
             kept = {law: kept_by(whole.layout, each) for law, each in others.items()}
-            load = whole.layout.index("load", axis)
-            # load friction above the load would block a gear, and negative load friction would
-            # drive the gear: such a solution compensates for another model error
             found = held_out.errors({
                 law: each for law, each in kept.items()
-                if len(tried) == 1 or 0.0 <= total.solution(each)[load] < 1.0
+                if law == tried[0] or _is_friction(Regression(summed, weights, each), fitted, axis)
             })  # fmt: skip
             laws[axis] = simplest(found, n)
             errors.append(relative_errors(found, laws[axis]))
         kept_laws = kept_by(whole.layout, laws)
-        left = whole.mean_squares(total.solution(kept_laws))
+        left = whole.mean_squares(Regression(summed, weights, kept_laws).solution)
         more = left / np.maximum(least, np.finfo(float).tiny)
         if (more.max() if plain_left is None else more.mean()) <= (1.0 + MATERIAL) ** 2:
             break

@@ -12,9 +12,8 @@ from hil.estimation.free_motion.columns import coupled_names
 from hil.estimation.free_motion.offsets import only_directions, weight_in_offset
 from hil.estimation.free_motion.result import FEW_BLOCKS, LOOSE, POOR
 from hil.estimation.nuisances import STEP, compliance_names
-from hil.friction.direction import Direction
 from hil.friction.law import AxisLaw, CoupledFriction, OneWay, TermValue
-from hil.friction.terms import BENT, CLASSICAL, LAWS, friction_columns
+from hil.friction.terms import BENT, CLASSICAL, LAWS
 from hil.model.base_parameters import base_parameters
 
 if TYPE_CHECKING:
@@ -287,23 +286,6 @@ def loose_parameters(robot: Robot, blocks: Blocks, fit: Fit, torque: Array) -> l
     driven = torque > 0
     worst = (error[driven] / torque[driven, np.newaxis]).max(axis=0, initial=0.0)
     return [base.names[k] for k in np.flatnonzero(worst > LOOSE)]
-
-
-def driving_axes(fit: Fit) -> tuple[int, ...]:
-    """Return the axes, from 1, whose friction law significantly supplies power at some speed."""
-    forth, found = np.array([0.25, 0.5, 0.75, 1.0]), []
-    u, still = np.append(forth, -forth), np.zeros(2 * len(forth))
-    columns = friction_columns(u, Direction(np.sign(u), still), still, still, still)
-    # offsets and asymmetry cancel between the two directions
-    braking = (columns[: len(forth)] - columns[len(forth) :]) / 2
-    for axis in range(fit.layout.n_channels):
-        own = _places(fit, axis, fit.layout.own)
-        V = fit.covariance[np.ix_(own, own)]
-        error = np.sqrt(np.einsum("nk,kl,nl->n", braking, V, braking).clip(0.0))
-        # friction drives an axis only if significant, by 2 standard errors
-        if (braking @ fit.x[own] < -2.0 * error).any():
-            found.append(axis + 1)
-    return tuple(found)
 
 
 def dead_zone(choice: Choice) -> float:

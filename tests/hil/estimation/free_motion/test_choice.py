@@ -127,6 +127,24 @@ def test_friction_of_the_load_takes_a_share_of_it_or_is_none() -> None:
     assert not any("load" in law for law in tau(-0.1))
 
 
+def test_a_law_that_would_drive_an_unloaded_axis_is_not_chosen() -> None:
+    """Friction below that of the load's share describes the recording, but adds power at rest."""
+
+    def laws(below: float) -> list[str]:
+        data = recorded(arm(), TRUTH, np.zeros_like, n=2)
+        for _, recording in data:
+            load = np.abs(inverse_dynamics(arm(), TRUTH, *motion_of(recording)))
+            share = 0.2 * load - below * load.mean(axis=0)
+            recording.tau[:] += share * np.sign(motion_of(recording)[1])
+        found = estimate(arm(), data, "free motion").details
+        assert found is not None
+        assert found.driving == ()
+        return [axis.law for axis in found.axes]
+
+    assert any("load" in law for law in laws(0.0))
+    assert not any("load" in law for law in laws(0.1))
+
+
 @given(n=st.integers(1, 200))
 def test_every_block_is_held_out_once(n: int) -> None:
     held_out = np.concatenate([np.arange(n)[fold] for fold in folds(n)])

@@ -10,7 +10,7 @@ import pytest
 
 from hil.estimation.free_motion.accumulation import division
 from hil.estimation.free_motion.motion import low_passed
-from hil.estimation.free_motion.result import FEW_BLOCKS
+from hil.least_squares.choice import FOLDS
 
 if TYPE_CHECKING:
     from hil.estimation.free_motion.motion import Processing
@@ -31,7 +31,7 @@ def piece(band: float, usable: tuple[int, float], duration: float = 60.0) -> flo
 @pytest.mark.parametrize(("count", "usable"), [(1, 57.0), (3, 56.0), (7, 54.0)])
 def test_a_minute_of_slow_motions_has_enough_pieces_for_errors(count: int, usable: float) -> None:
     length = piece(1.25, (count, usable))
-    assert count * max(1, round(usable / count / length)) >= FEW_BLOCKS
+    assert count * max(1, round(usable / count / length)) >= FOLDS
 
 
 def test_pieces_are_never_shorter_than_five_periods() -> None:
