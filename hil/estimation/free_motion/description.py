@@ -14,6 +14,7 @@ from hil.estimation.free_motion.result import FEW_BLOCKS, LOOSE, POOR
 from hil.estimation.nuisances import STEP, compliance_names
 from hil.friction.law import AxisLaw, CoupledFriction, OneWay, TermValue
 from hil.friction.terms import BENT, CLASSICAL, LAWS
+from hil.least_squares.standstill import braked
 from hil.model.base_parameters import base_parameters
 
 if TYPE_CHECKING:
@@ -192,7 +193,8 @@ def repeated_torques(stretches: Sequence[Motion]) -> tuple[float, ...]:
 
 def silent_axes(stretches: Sequence[Motion], still: Sequence[int]) -> tuple[str, ...]:
     """Return a remark on axes, from 0, with samples that a brake makes silent."""
-    silent = ~np.all([each.telling[each.used].all(axis=0) for each in stretches], axis=0)
+    recordings = [each.recording for each in stretches]
+    silent = np.any([braked(x.q, x.tau, x.period).any(axis=0) for x in recordings], axis=0)
     axes = [str(axis + 1) for axis in np.flatnonzero(silent).tolist() if axis not in still]
     if not axes:
         return ()

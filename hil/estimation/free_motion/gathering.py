@@ -11,6 +11,7 @@ from itertools import pairwise
 from typing import TYPE_CHECKING, cast
 
 import numpy as np
+from scipy import special
 
 from hil.errors import NotEnoughData
 from hil.estimation.free_motion.accumulation import division, recorded_products, too_short
@@ -40,6 +41,7 @@ from hil.estimation.options import DEFAULTS
 from hil.friction.search import TRIED
 from hil.friction.terms import BENT, CLASSICAL
 from hil.least_squares.balance import Kind
+from hil.least_squares.solving import undetermined
 from hil.model.base_parameters import base_parameters
 from hil.planning.free_motion import FreeMotion
 
@@ -55,6 +57,7 @@ if TYPE_CHECKING:
     from hil.estimation.free_motion.variants import Variant
     from hil.estimation.intervals import Edge
     from hil.estimation.options import Options
+    from hil.least_squares.blocks import Blocks
     from hil.least_squares.regression import Fit
     from hil.model.robot import Robot
     from hil.planning.measurement import RecordedMotion
@@ -185,9 +188,11 @@ def gather(
     motions = free_motions(recorded)
     found = survey(motions)
     processing, reasons = processing_of(found)
+    chosen = variant.terms == "chosen"
     if found.still and not found.unknown_gains:
         processing = replace(processing, held=_held(robot, found, processing))
-    chosen = variant.terms == "chosen"
+    if chosen and not found.unknown_gains:
+        processing = replace(processing, moving_only=_moves_only(robot, found, processing))
     nuisances = find_nuisances(robot, found, processing, options.nuisance if chosen else ())
     processing = nuisances.processing
     stretches = _unspoilt_stretches(found, motions, processing)
@@ -286,15 +291,44 @@ def rate_regressions(gathered: Sequence[Gathered]) -> list[Kind]:
 
 def _held(robot: Robot, found: Survey, processing: Processing) -> tuple[int, ...]:
     """Return the axes at rest that are held by a brake or by static friction."""
+    pieces = _first_pieces(robot, found, processing)
+    return () if pieces is None else held_axes(pieces, found.still)
+
+
+def _moves_only(robot: Robot, found: Survey, processing: Processing) -> bool:
+    """Check that torques of axes in motion alone certainly determine base parameters better.
+
+    The torque of an axis at rest is weight within twice the static friction, by an error that lasts
+    as long as the rest. But if joints move one by one, only resting axes show couplings.
+    """
+    n, moving_only = len(base_parameters(robot)), replace(processing, moving_only=True)
+    motions = [filtered_motion(each, moving_only) for each in found.stretches]
+    if all(motion.window is None for motion in motions):
+        return False
+    every, moving = (_first_pieces(robot, found, each) for each in (processing, moving_only))
+    if every is None or moving is None or np.array_equal(every.counts, moving.counts):
+        return False
+    fits = [usual(pieces) for pieces in (every, moving)]
+    lost = [undetermined(each.normal.information)[:n] for each in fits]
+    # variances of torques on the recorded motion, relative to the torques
+    columns = every.total.products[0, :, 1 : n + 1, 1 : n + 1]
+    columns = columns / np.maximum(every.squares, np.finfo(float).tiny)[:, np.newaxis, np.newaxis]
+    errors = [np.sum(columns * each.fit().covariance[:n, :n]) for each in fits]
+    # ratio of two variances by chance, at a level of 5 %
+    chance = special.fdtri(len(moving) - 1, len(moving) - 1, 0.05) if len(moving) > 1 else 0.0
+    return bool((lost[1] <= lost[0]).all() and errors[1] < chance * errors[0])
+
+
+def _first_pieces(robot: Robot, found: Survey, processing: Processing) -> Blocks | None:
+    """Condense the survey's stretches with classical friction; None without unspoilt samples."""
     motions = [filtered_motion(each, processing) for each in found.stretches]
     motions = [motion for motion in motions if motion.used.sum() > 1]
     if not motions:
-        return ()
+        return None
     first = np.zeros(len(base_parameters(robot)))
     divided = division(processing, found.duration)
     recorded = recorded_products(robot, motions, divided, first, (*CLASSICAL, BENT))
-    known = Scaling.known(np.ones(robot.n_joints)).applied(recorded)
-    return held_axes(known.pieces[0], found.still)
+    return Scaling.known(np.ones(robot.n_joints)).applied(recorded).pieces[0]
 
 
 def _unspoilt_stretches(

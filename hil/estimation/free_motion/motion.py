@@ -26,6 +26,7 @@ import numpy as np
 from scipy import fft
 
 from hil.friction.direction import bent, friction_direction, sign_of_velocity
+from hil.friction.law import SLOWEST
 from hil.least_squares.standstill import braked
 from hil.least_squares.window import widen
 
@@ -183,6 +184,8 @@ class Processing:
         Positions of axes at rest [rad or m], NaN for the others; by default none rests.
     held : tuple of int
         Axes at rest, from 0, whose torque is not used (`hil.estimation.free_motion.held`).
+    moving_only : bool
+        Use the torque of an axis only while it moves (`hil.estimation.free_motion.gathering`).
     """
 
     cut_off: float
@@ -194,6 +197,7 @@ class Processing:
     soft: tuple[int, ...] = ()
     rest: Array | None = None
     held: tuple[int, ...] = ()
+    moving_only: bool = False
 
     def spoilt(self, period: float) -> int:
         """Return the number of samples at either end affected by reflected samples."""
@@ -215,13 +219,13 @@ class Motion:
     used : ndarray of bool, shape (n_used,)
         Samples unaffected by reflected samples.
     telling : ndarray of bool, shape (n_used, n_joints)
-        Samples between those with a torque that a brake makes constant.
+        Samples whose torque is used: not with a closed brake, or while the axis rests.
     recording : Recording
         Source of the motion.
     offset : int
         Half of the samples used, see `filtered_motion`.
     window : ndarray, shape (n_recorded, n_joints), optional
-        Factor of torque and columns before they are filtered, 0 with a closed brake.
+        Factor of torque and columns before they are filtered, 0 where torque is not used.
     """
 
     processing: Processing
@@ -286,12 +290,14 @@ class Motion:
     def slowest(self) -> Array:
         """Lowest nearby speed as a share of the axis's speed, shape (n_used, n_joints).
 
-        Nearby means within the reach of the filter around a reversal.
+        Nearby means within the reach of the filter around a reversal, where torque is used.
         """
         from scipy import ndimage  # noqa: PLC0415 - takes long to load
 
-        width = 2 * int(1.0 / (self.processing.band * self.period)) + 1
-        least = ndimage.minimum_filter1d(np.abs(self.qd), width, axis=0) / self.processing.speed
+        width, speed = 2 * int(1.0 / (self.processing.band * self.period)) + 1, np.abs(self.qd)
+        if self.window is not None:
+            speed = np.where(self.window[:: self.rates.fine] > 0.0, speed, np.inf)
+        least = ndimage.minimum_filter1d(speed, width, axis=0) / self.processing.speed
         return np.asarray(least[:: self.rates.coarse])
 
     def passed(self, x: Array, axis: int | None = None) -> Array:
@@ -321,7 +327,7 @@ def filtered_motion(recording: Recording, processing: Processing, offset: int = 
     rates = Rates.choose(period, processing.cut_off, band)
     q, qd, qdd = _motion(recording, processing, rates, offset)
     every = rates.fine * rates.coarse
-    window = _window(recording, processing)
+    window = _window(recording, processing, np.repeat(qd, rates.fine, axis=0)[: len(recording.q)])
     tau = filtered_torque(recording, band, every, processing.lag, window)
     spoilt = processing.spoilt(period * every)
     used = np.zeros(len(tau), dtype=bool)
@@ -337,14 +343,21 @@ def smooth_positions(recording: Recording, cut_off: float) -> Recording:
     return replace(recording, **{name: x[far : len(x) - far] for name, x in arrays.items()})
 
 
-def _window(recording: Recording, processing: Processing) -> Array | None:
-    """Return `Motion.window`; None without closed brakes.
+def _window(recording: Recording, processing: Processing, qd: Array) -> Array | None:
+    """Return `Motion.window`; None if torque is used throughout.
 
     The equation of motion holds in every sample, so also times a factor. Its slopes last a period
     of the cut-off, and so are smooth at the rate of the motion.
     """
     period = recording.period
     silent = braked(recording.q, recording.tau, period)
+    if processing.moving_only:
+        slow = np.abs(qd) < SLOWEST * processing.speed
+        moves = np.ones(slow.shape[1]) if processing.rest is None else np.isnan(processing.rest)
+        # half a period of the equation's cut-off: a shorter stop is not resolved
+        half = max(1, round(0.25 / (processing.band * period)))
+        for axis in np.flatnonzero(moves).tolist():
+            silent[:, axis] |= widen(~widen(~slow[:, axis], half), half)
     if not silent.any():
         return None
     n = max(1, round(0.5 / (processing.cut_off * period)))
