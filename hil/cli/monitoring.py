@@ -167,13 +167,7 @@ def _alarm(axis: AxisPicture) -> str:
 
 
 class WatchView:
-    """Display of new alarms, and of all axes' torques on a terminal.
-
-    Parameters
-    ----------
-    watcher : Watcher
-    robot : Robot
-    """
+    """Display of new alarms, and of all axes' torques on a terminal."""
 
     def __init__(self, watcher: Watcher, robot: Robot) -> None:
         self._watcher = watcher

@@ -97,7 +97,6 @@ class Check(Reservation):
 
     Attributes
     ----------
-    unit : str
     value : float, str or None
         None if the run does not identify the value.
     least, most : float, str or None

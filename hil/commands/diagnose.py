@@ -278,7 +278,6 @@ def residuals_over_angles(
     ----------
     values : sequence of LocalValue
         Local values of one kind.
-    robot : Robot
     kind : ElementKind
         Kind of the values.
     """

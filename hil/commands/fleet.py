@@ -140,7 +140,6 @@ def identify_runs(
 
     Parameters
     ----------
-    folders : sequence of Path
     execute : callable
         See `hil.execution`.
     progress : callable

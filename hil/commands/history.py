@@ -77,7 +77,6 @@ class History:
 
     Attributes
     ----------
-    quantities : tuple of Quantity
     runs : tuple of KnownRun
         Runs in the order of measurement.
     reference : str

@@ -77,7 +77,6 @@ class Tracking(KeptResult):
         Stated delay of the drives [SYNC periods].
     shown_delay : float
         Delay estimated from the pass with velocity and torque [SYNC periods].
-    axes : tuple of AxisErrors
     """
 
     names = (NAME,)

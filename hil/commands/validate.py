@@ -37,7 +37,6 @@ class ValidationRecord(KeptResult):
 
     Attributes
     ----------
-    run : RunStamp
     model : str
         Path of the model file, relative to the folder of the run.
     method, identified : str

@@ -39,7 +39,6 @@ def campaign_friction(
 
     Parameters
     ----------
-    robot : Robot
     p : ndarray, shape (n_base,)
         Base parameters from the measurements of `stacks`.
     stacks : iterable of sequence of Stacked

@@ -43,7 +43,6 @@ class Estimate(ByName):
 
     Attributes
     ----------
-    robot : Robot
     method : str
         One of `hil.estimation.identify.METHODS`.
     values : ndarray, shape (n_base,)
@@ -77,7 +76,6 @@ class Estimate(ByName):
         whose errors are not visible in the data. A file has the first half, or none of it.
     edges : tuple of Edge
         Lags and compliances at the edge of their search range.
-    left_out : tuple of LeftOut
     n_measurements : int
         Number of measurements in the estimate.
     drive_train : DriveTrain, optional

@@ -94,7 +94,6 @@ def fit_free_motions(
 
     Parameters
     ----------
-    robot : Robot
     recorded : iterable of (RecordedMotion, Recording)
         Recordings; only free motions are used. An iterator is read into memory; anything else is
         iterated several times.
@@ -235,7 +234,6 @@ def fit_back_and_forth(
 
     Parameters
     ----------
-    robot : Robot
     recorded : iterable of (RecordedMotion, Recording)
         Recordings; those of other motions than a single axis back and forth are skipped and listed.
     covariance : str

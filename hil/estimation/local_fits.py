@@ -54,7 +54,6 @@ class LocalValue(FileModel):
 
     Attributes
     ----------
-    id, kind : str
     axis, partner : int
         Measured joint, accelerated joint; indices from 0, in `model.yaml` from 1.
     q : tuple of float, shape (n_joints,)
@@ -113,7 +112,6 @@ class LocalFit:
 
     Attributes
     ----------
-    measurement : ElementMeasurement
     q : ndarray, shape (n_joints,)
         Mean configuration [rad or m].
     time : float

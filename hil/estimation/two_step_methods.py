@@ -299,7 +299,6 @@ def measured(
     ----------
     raw : sequence of (ParameterMotion, Signals)
         Measurements without compensation of the drive trains.
-    unusable : sequence of LeftOut
     found : Joint
         Joint regression of the measurements.
     imported : sequence of Kind

@@ -23,7 +23,6 @@ class Expression:
     ----------
     operation : str
         ``number``, ``symbol``, ``+``, ``-``, ``*``, ``negative``, or the name of a function.
-    operands : tuple of Expression
     number : float
         Value of a number.
     name : str

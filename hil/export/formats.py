@@ -108,10 +108,8 @@ def export_recordings(
 
     Parameters
     ----------
-    run : Run
     name : str
         One of `RECORDINGS`.
-    output : Path
     joints : sequence of str, optional
         Names of the joints; ``joint1`` and on unless given.
     progress : callable

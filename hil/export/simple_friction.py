@@ -83,7 +83,6 @@ class SimpleFriction:
         Coefficients, not negative [N m or N; N m s/rad or N s/m].
     misfit : float
         Root mean square, over both directions, of the law less this approximation [N m or N].
-    stribeck : Stribeck
     coasting : Quadratic
         Friction that simulates coasting; Coulomb and viscous friction where that is right.
     """
@@ -125,7 +124,6 @@ def simple_friction(model: Model, warmth: float | None = None) -> tuple[SimpleFr
 
     Parameters
     ----------
-    model : Model
     warmth : float, optional
         Warmth of the gears, from 0 cold to 1 warm; by default the reference of the laws.
 

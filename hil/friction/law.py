@@ -229,7 +229,6 @@ class FrictionLaw(FileModel):
     ----------
     axes : tuple of AxisLaw or None
         None for an axis of unknown friction.
-    coupled : tuple of CoupledFriction
     """
 
     axes: tuple[AxisLaw | None, ...]

@@ -317,7 +317,6 @@ def warmth_at(
 
     Parameters
     ----------
-    past : History
     axis : int
         Axis from 0.
     warming, cooling : float
@@ -364,7 +363,6 @@ def find_warmth(levels: Blocks, time: Array, past: History, axis: int) -> WarmLa
         One channel with the terms of the law, one group for each measurement, in order of time.
     time : ndarray, shape (n,)
         Middle of each measurement, ascending [s].
-    past : History
     axis : int
         Axis from 0.
     """

@@ -71,7 +71,6 @@ def recounted(
 
     Parameters
     ----------
-    samples : Samples
     segments : sequence of ndarray of int
         Chosen rows, in independent parts.
     rate : float

@@ -110,8 +110,6 @@ def read_samples(
 
     Parameters
     ----------
-    the_map : MapFile
-    robot : Robot
     scratch : Path
         Path of a new file for the samples.
     progress : callable

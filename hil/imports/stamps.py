@@ -101,7 +101,6 @@ def timing_of(samples: Samples, segments: list[Integers], rate: float | None = N
 
     Parameters
     ----------
-    samples : Samples
     segments : list of arrays of int
         Chosen rows, in independent parts.
     rate : float, optional

@@ -34,7 +34,6 @@ class Audience:
 
     Attributes
     ----------
-    listeners : sequence of Listener
     is_open : bool
         True between start and end of the listeners.
     answered : bool

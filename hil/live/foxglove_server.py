@@ -48,7 +48,6 @@ class Said(NamedTuple):
 
     Attributes
     ----------
-    topic : str
     stamp : int
         By the computer's clock [ns].
     data : bytes

@@ -53,8 +53,6 @@ class Listener:
 
     Attributes
     ----------
-    what : str
-    answers : bool
     gone : bool
         True once the process has ended, detected at a write or by the reader.
     dropped : int

@@ -68,7 +68,6 @@ class Incoming:
     ----------
     connection : socket
         Non-blocking socket.
-    data : bytearray
     ends : float
         End of the time limit, on the monotonic clock [s].
     """
@@ -179,7 +178,6 @@ class Site(NamedTuple):
 
     Attributes
     ----------
-    streams : Streams
     stop : callable
         Function that requests a stop of the run.
     secret : str
@@ -198,13 +196,7 @@ class Site(NamedTuple):
 
 
 class Whole(NamedTuple):
-    """Complete request.
-
-    Attributes
-    ----------
-    connection : socket
-    data : bytes
-    """
+    """Complete request."""
 
     connection: socket.socket
     data: bytes

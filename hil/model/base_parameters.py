@@ -165,7 +165,6 @@ def meanings(
 
     Parameters
     ----------
-    robot : Robot
     heads : sequence of str, length n_base
         Standard parameters at the head of each base parameter.
     matrix : ndarray, shape (n_base, n_standard)

@@ -81,7 +81,6 @@ class Joint:
         Cosine and sine of the rotation about the joint's axis.
     arm : vector
         Origin of the frame in the parent's frame [m].
-    revolute : bool
     parent : int
         Index of the parent, lower than the joint's own; -1 for the base.
     cg, sg : scalar

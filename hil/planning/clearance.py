@@ -178,8 +178,6 @@ def intrusions(robot: Robot, workspace: Workspace, q: Array) -> Array:
 
     Parameters
     ----------
-    robot : Robot
-    workspace : Workspace
     q : array (n, n_joints)
         Configurations [rad or m].
     """

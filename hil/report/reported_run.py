@@ -63,10 +63,6 @@ class ReportedRun:
     Results missing in the run are identified as by `hil identify`, and kept; a run about friction
     alone is not identified.
 
-    Attributes
-    ----------
-    source : Run
-
     Raises
     ------
     FileError

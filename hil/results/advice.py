@@ -135,10 +135,8 @@ class CampaignResult(NamedTuple):
 
     Attributes
     ----------
-    model : Model
     effect : ndarray, shape (n_joints, n_base)
         Effect of the parameters' errors on the torques of a free motion (`effect_of_errors`).
-    plan : Plan
     measured : sequence of Measured
         Finished measurements of the plan.
     """

@@ -72,7 +72,6 @@ class Change(NamedTuple):
     ----------
     run, against : str
         Labels of the newer and of the earlier run.
-    quantity : Quantity
     before : float
         Value in the earlier run [unit of the quantity]; a friction level includes the change common
         to all axes.
@@ -235,7 +234,6 @@ class Rescaled(NamedTuple):
 
     Attributes
     ----------
-    run, against : str
     axis : int
         Number from 1.
     share, half_width : float

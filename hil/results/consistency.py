@@ -44,7 +44,6 @@ def find_consistent_robot(
 
     Parameters
     ----------
-    model : Model
     recorded : iterable of (RecordedMotion, Recording)
         Motions over which torques are compared.
     bounds : BodyBounds, optional

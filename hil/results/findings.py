@@ -112,13 +112,10 @@ def identify_and_keep(
 
     Parameters
     ----------
-    run : Run
-    method : str
     others : sequence of Run
         Runs identified jointly with `run`.
     campaign : sequence of Measured, optional
         All measurements of the run, if already read.
-    options : Options
 
     Raises
     ------

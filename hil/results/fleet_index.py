@@ -93,8 +93,6 @@ class Fleet:
 
     Attributes
     ----------
-    machines : tuple of str
-    quantities : tuple of Quantity
     machine : ndarray, shape (n_runs,)
         Index into `machines`, ascending.
     time : ndarray, shape (n_runs,)

@@ -210,7 +210,6 @@ def identified(
 
     Parameters
     ----------
-    run : Run
     method : str, optional
         One of `hil.estimation.identify.METHODS`; by default chosen by the kind of recordings
         (`method_for`).

@@ -66,8 +66,6 @@ class BareRun:
     ----------
     run : Run
         First run.
-    runs : tuple of Run
-    options : Options
     """
 
     def __init__(self, *runs: Run, options: Options = DEFAULTS) -> None:

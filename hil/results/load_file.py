@@ -92,14 +92,12 @@ class LoadFile(KeptResult):
 
     Attributes
     ----------
-    without : RunStamp
     loaded : tuple of RunStamp
         Runs with the load.
     mass : float or None
         Stated mass [kg].
     verdict : tuple of str
         Sentences for the operator.
-    rigidity : tuple of AxisMisfit
     unseen : tuple of str
         Parameters of the load that the robot file states as zero.
     unidentifiable : tuple of str

@@ -54,7 +54,6 @@ def predicted_torques(
 
     Parameters
     ----------
-    model : Model
     recorded : iterable of (RecordedMotion, Recording)
     past : History, optional
         Motion history of the axes, which bounds the deviation of friction from the law; by default

@@ -44,7 +44,6 @@ def free_motion(
     ----------
     robot : Robot
         Robot with limits; unknown limits (NaN) do not limit.
-    seed : int
     speed : array_like, shape (n_joints,), optional
         Speed in place of an unknown velocity limit [rad/s or m/s].
     share : float

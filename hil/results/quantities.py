@@ -46,7 +46,6 @@ class Quantity(NamedTuple):
     name : str
         ``p5``, ``friction of axis 3 at 0.5 rad/s`` or ``offset of axis 3``.
     kind : {"gravity parameter", "inertia parameter", "friction level", "offset"}
-    unit : str
     about : str
         Expression of a parameter; empty for friction and offsets.
     axis : int or None
@@ -129,8 +128,6 @@ def reading(
 
     Parameters
     ----------
-    model : IdentifiedRobot
-    quantity : Quantity
     least_wander : float
         Minimum change of the friction level by temperature, as a share, for any campaign.
     unknown_wander : float

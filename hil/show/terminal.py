@@ -61,9 +61,6 @@ class _Block:
 
     Attributes
     ----------
-    columns, widths : sequence of int
-    gap : int
-    below : int or None
     indent : int
         Characters before the names of parts and the column below.
     """

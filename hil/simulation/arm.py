@@ -231,7 +231,6 @@ class Arm:
 
     Parameters
     ----------
-    model : Model
     friction : {"law", "plain", "exported"}
         Friction law; its Coulomb, viscous and offset terms alone (`AxisLaw.plain`); or friction as
         exported to MuJoCo (`hil.export.simple_friction`), with the offset.

@@ -82,7 +82,6 @@ class Layout:
 
     Parameters
     ----------
-    model : Model
     plain : bool
         True to replace each axis's law by its plain terms.
     """

@@ -165,8 +165,6 @@ def bus_cycle(
 
     Parameters
     ----------
-    plan : Plan
-    n_axes : int
     drives : DrivesFile or None
         Drives, None if unknown: a TPDO of 8 bytes per axis is assumed.
     bitrate : int, optional
@@ -188,7 +186,6 @@ def following_of(drives: DrivesFile | None, period: float | None = None) -> Foll
 
     Parameters
     ----------
-    drives : DrivesFile or None
     period : float, optional
         SYNC period, by default that of the drives file [s].
     """

@@ -233,8 +233,6 @@ class Scene:
 
     Attributes
     ----------
-    title : str
-    robot : Robot
     workspace : Workspace, optional
     visuals : sequence of Visual
         Meshes in place of capsules.

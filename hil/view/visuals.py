@@ -269,7 +269,6 @@ class Visual(NamedTuple):
     ----------
     link : int
         Index from 0; `BASE` for the base frame.
-    mesh : Mesh
     """
 
     link: int
@@ -296,8 +295,6 @@ def visuals(urdf: Path, robot: Robot, meshes: Path | None = None) -> Visuals:
 
     Parameters
     ----------
-    urdf : Path
-    robot : Robot
     meshes : Path, optional
         Additional folder for meshes; other files outside of the URDF's own folder and package are
         skipped.

@@ -75,7 +75,6 @@ class Scatter:
     ----------
     lengths : ndarray of int, shape (n_windows,)
         Lengths of the windows [samples].
-    n_joints : int
     period : float
         Time between two samples [s].
     memory, enough : float

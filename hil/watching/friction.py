@@ -227,7 +227,6 @@ class FrictionTables:
 
     Parameters
     ----------
-    model : Model
     fastest : float
         Largest speed of the tables, as a share of the velocity limit; higher speeds are clipped.
 

@@ -50,7 +50,6 @@ class Trace:
 
     Parameters
     ----------
-    n_joints : int
     period : float
         Time between two samples [s].
     window : int
@@ -406,7 +405,6 @@ class WatchingBus(BusInFront):
     ----------
     bus : DriveBus
         Bus not entered yet.
-    watcher : Watcher
     show : callable
         Function called with each new alarm, and with None after every sample without one.
     stop : bool

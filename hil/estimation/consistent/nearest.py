@@ -307,7 +307,6 @@ def nearest_robot(
 
     Parameters
     ----------
-    robot : Robot
     p : ndarray, shape (n_base,)
     covariance : ndarray, shape (n_base, n_base)
         Covariance of `p`; directions of zero variance remain unchanged.

@@ -97,19 +97,14 @@ class Gathered:
 
     Attributes
     ----------
-    found : Survey
     stretches : list of Motion
         Filtered stretches of the survey.
-    processing : Processing
     lag_error : ndarray, shape (n_joints,)
         Standard errors of the lags of the torques [s].
-    reasons : Reasons
     first : ndarray, shape (n_base,)
         First estimate, for load-dependent friction.
     recorded : Products
         Products of the recorded signals.
-    scaling : Scaling
-    choice : Choice
     drift : Drift
         Drift of the friction level; constant levels if gains are unknown.
     edges : tuple of Edge

@@ -206,8 +206,6 @@ class Motion:
 
     Attributes
     ----------
-    processing : Processing
-    rates : Rates
     q, qd, qdd : ndarray, shape (n, n_joints)
         Motion [rad or m, per s and per s^2], at `rates.fine`.
     tau : ndarray, shape (n_used, n_joints)

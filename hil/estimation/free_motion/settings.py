@@ -62,7 +62,6 @@ class Reasons:
 
     Attributes
     ----------
-    cut_off : str
     velocities : tuple of str
         Reason for each joint.
     """

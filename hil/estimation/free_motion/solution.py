@@ -63,7 +63,6 @@ class Solution:
 
     Attributes
     ----------
-    fit : Fit
     moved : float
         Largest change of an unknown by the correction, over its standard error.
     possible : bool

@@ -48,7 +48,6 @@ class Survey:
         Total duration [s].
     longest : float
         Duration of the longest recording [s].
-    n_recordings : int
     cut_off : float or None
         Lowest cut-off stated by the recordings [Hz].
     too_short : tuple of str

@@ -56,10 +56,6 @@ class _Listing(FileModel, extra="ignore"):
 class Bag:
     """Bag of ROS: a file, or a folder with ``metadata.yaml``.
 
-    Parameters
-    ----------
-    path : Path
-
     Raises
     ------
     FileError
@@ -133,7 +129,6 @@ class OpenBag:
 
     Parameters
     ----------
-    path : Path
     readers : sequence of object
         Readers of the files, by rosbags or `CutMcap`.
     compressed : bool

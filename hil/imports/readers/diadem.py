@@ -121,7 +121,6 @@ def _column(
     ----------
     path : Path
         Path of the header.
-    channel : dict of str to str
     n_stored : int
         Number of channels stored alike in the channel's file.
     swapped : bool

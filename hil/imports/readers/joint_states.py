@@ -193,7 +193,6 @@ class Rows:
 
         Parameters
         ----------
-        messages : sequence of bytes
         received : array (n_messages,)
             Stamps of the bag [ns].
         """

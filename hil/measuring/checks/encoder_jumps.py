@@ -69,7 +69,6 @@ def mark_old_values(
 
     Parameters
     ----------
-    recording : Recording
     acceleration : float
         Highest acceleration of the motion [rad/s^2 or m/s^2].
     axes : sequence of AxisInfo
@@ -202,7 +201,6 @@ def refuse_jumps(
 
     Parameters
     ----------
-    recording : Recording
     acceleration : float
         Highest acceleration of the motion [rad/s^2 or m/s^2].
     resolution : sequence (n_joints,) or float

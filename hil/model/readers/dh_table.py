@@ -124,9 +124,7 @@ class DhRobot:
 
     Attributes
     ----------
-    name : str
     notation : {"standard", "modified"}
-    joints : tuple of LimitedJoint
     frames : Frames
         Frames in modified notation; frame 0 is that of the table.
     rounded : float

@@ -33,7 +33,6 @@ class LimitedJoint:
 
     Attributes
     ----------
-    name : str
     type : {"revolute", "prismatic"}
     lower, upper : float
         Range [rad or m].

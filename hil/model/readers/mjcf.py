@@ -51,8 +51,6 @@ class MjcfChain(UrdfChain):
 
     Attributes
     ----------
-    text : MjcfText
-    model : mujoco.MjModel
     bodies, dofs : tuple of int
         Number of the body and of the degree of freedom of each joint, as compiled.
     stated_gravity : tuple of float
@@ -84,7 +82,6 @@ def read_mjcf(path: str | Path, base: str | None = None, tip: str | None = None)
 
     Parameters
     ----------
-    path : path
     base, tip : str, optional
         Names of bodies, several tips separated by commas; by default the world, and the body at the
         end of the longest chain, or the whole tree if several chains are as long.

@@ -47,7 +47,6 @@ class MjcfText:
 
     Attributes
     ----------
-    files : dict of Path to XmlFile
     bodies : list of (Placed, list of Placed)
         Bodies with their joints; the first is the world, which has no element.
     """

@@ -56,7 +56,6 @@ def design(
 
     Parameters
     ----------
-    robot : Robot
     counts : mapping, optional
         Number of measurements by kind. The default of a kind is in `COUNTS`, increased for many
         parameters, and reduced for constant gravity. A kind without parameters is left out.

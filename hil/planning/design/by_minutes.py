@@ -68,8 +68,6 @@ class Selection:
 
     Parameters
     ----------
-    robot : Robot
-    options : sequence of Option
     criterion : {"det", "torque"}
     known : ndarray, shape (n, n), optional
         Information of earlier measurements.
@@ -216,7 +214,6 @@ def design_within(
 
     Parameters
     ----------
-    robot : Robot
     minutes : float
         Duration including travel and warm-up [min].
     noise : Noise
@@ -260,7 +257,6 @@ def refine(
 
     Parameters
     ----------
-    robot : Robot
     minutes : float
         Duration including travel [min].
     noise : Noise

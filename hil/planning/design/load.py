@@ -181,13 +181,11 @@ class WithoutLoad:
 
     Attributes
     ----------
-    robot : Robot
     plan : Plan
         Plan of the run: source of workspace and sample period.
     p : ndarray, shape (n_base,)
     friction : ndarray, shape (n_joints,)
         Highest friction of each axis [N m or N].
-    noise : Noise
     information : ndarray, shape (n_unknowns, n_unknowns)
         Information on all unknowns, under `noise`.
     """

@@ -126,7 +126,6 @@ class Basis:
 
     Parameters
     ----------
-    robot : Robot
     period : float
         Period of the fundamental [s].
     harmonics : int

@@ -162,7 +162,6 @@ def stated_noise(
 
     Parameters
     ----------
-    robot : Robot
     resolution : sequence (n_joints,), optional
         Smallest step of each axis's torque reading [N m].
     increments : sequence (n_joints,), optional
