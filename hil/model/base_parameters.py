@@ -375,12 +375,7 @@ def _numeric(robot: Robot, rows: Sequence[Combination]) -> Array:
 def _independent_rows(matrix: Array, headed: Sequence[bool]) -> tuple[list[int], Array]:
     """Choose spanning rows of `matrix`, those with a present head first.
 
-    Returns
-    -------
-    kept : list of int
-        Indices of the spanning rows, in order.
-    dependence : array, shape (n_rows, n_kept)
-        All rows as combinations of the kept rows.
+    Returns indices in order, and all rows as combinations of the kept rows, (n_rows, n_kept).
     """
     if len(matrix) and _rank(matrix) == len(matrix):  # most robots need no search
         return list(range(len(matrix))), np.eye(len(matrix))

@@ -196,11 +196,8 @@ def runs_in_ten_years(fleet: Fleet) -> float:
 def _remove_temperature(fleet: Fleet, first: Mask, newest: Mask) -> tuple[Array, Array]:
     """Divide friction by its response to temperature.
 
-    Returns
-    -------
-    value : ndarray, shape (n_runs, n_quantities)
-    error : ndarray, shape (n_machines, n_quantities)
-        Standard error of a machine's deviation due to the uncertainty of the response.
+    Returns values, shape (n_runs, n_quantities), and standard errors of deviations of the machines
+    by the uncertainty of the response, shape (n_machines, n_quantities).
     """
     value, machines = fleet.value.copy(), np.arange(len(fleet.machines))
     error = np.zeros((len(machines), value.shape[1]))

@@ -321,12 +321,7 @@ def _uncovered(
 ) -> str:
     """State differences between a motion and the recordings of an axis's law of friction.
 
-    Parameters
-    ----------
-    qd, time, left : ndarray, shape (n,)
-        Velocities [rad/s or m/s], instants [s] and residual torques [N m or N] of the samples.
-    past : History or None
-        Motion history of the axes.
+    Arrays (n,) are velocities [rad/s or m/s], instants [s] and residual torques [N m or N].
     """
     law = model.friction_law.axes[axis]
     if law is None:

@@ -57,13 +57,7 @@ class Drawn:
 
 @dataclass(frozen=True, slots=True)
 class _Block:
-    """Columns drawn side by side, with widths, and the column below each row.
-
-    Attributes
-    ----------
-    indent : int
-        Characters before the names of parts and the column below.
-    """
+    """Columns drawn side by side, with widths, and the column below each row, after `indent`."""
 
     columns: Sequence[int]
     widths: Sequence[int]

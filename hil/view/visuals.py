@@ -400,13 +400,7 @@ def _file(stated: str, urdf: Path) -> tuple[Path, Path]:
 
 
 def _inside(found: tuple[Path, Path], meshes: Path | None) -> Path:
-    """Return the path of a mesh inside the permitted folders.
-
-    Raises
-    ------
-    FileError
-        A file elsewhere: a user's file named by a stranger's URDF.
-    """
+    """Return the path of a mesh; refuse a user's file named by a stranger's URDF."""
     path, root = found
     allowed = [each.resolve() for each in (root, meshes) if each is not None]
     if not any(path.resolve().is_relative_to(each) for each in allowed):

@@ -147,13 +147,7 @@ def find_drift(products: Products, choice: Choice, duration: float) -> Drift:
 
 
 class _Search:
-    """Normal equations of constant friction, extended by candidate drifts.
-
-    Parameters
-    ----------
-    changing : ndarray, shape (n, n_joints)
-        Coefficients of the drifting terms, by axis.
-    """
+    """Normal equations of constant friction, extended by drifts of terms `changing`, by axis."""
 
     def __init__(self, system: Normal, changing: Array) -> None:
         self._system = system

@@ -295,13 +295,7 @@ def _held(robot: Robot, found: Survey, processing: Processing) -> tuple[int, ...
 def _unspoilt_stretches(
     found: Survey, motions: Iterable[tuple[FreeMotion, Recording]], processing: Processing
 ) -> list[Motion]:
-    """Filter the survey's stretches, or longer stretches if filter transients cover all of them.
-
-    Raises
-    ------
-    NotEnoughData
-        Filter transients cover every recording.
-    """
+    """Filter the survey's stretches, or longer stretches if filter transients cover all of them."""
     stretches = [filtered_motion(each, processing) for each in found.stretches]
     if any(each.used.any() for each in stretches):
         return stretches

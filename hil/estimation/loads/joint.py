@@ -273,10 +273,8 @@ class JointRuns:
     def _run_blocks(self, s: int, recorded: Blocks, torque: str | None) -> Blocks:
         """Return the blocks of a run with the columns of gains and load.
 
-        Parameters
-        ----------
-        torque : str, optional
-            Column in place of the torque less its known part; for an empty name, the torque alone.
+        The column `torque` replaces the torque less its known part; an empty name leaves the
+        torque.
         """
         (known, columns, kind), carried = self.terms, self._carry[s]
         scaling = Scaling(self.gains[s], tuple(self._open[s]), self._solution(s))
@@ -328,12 +326,7 @@ class JointRuns:
 def _misfit(without: Blocks, with_load: Blocks, x: Array, n_base: int) -> list[AxisMisfit]:
     """Compare both runs by axis, without axes that hardly move in the run with the load.
 
-    Parameters
-    ----------
-    without, with_load : Blocks
-        Measurements, with the base parameters' columns first.
-    x : ndarray, shape (n,)
-        Solution for all unknowns.
+    The columns of the base parameters come first; `x` is the solution for all unknowns.
     """
     found = []
     for axis in range(with_load.n_channels):

@@ -216,12 +216,7 @@ def _unpacked_chunk(file: Path, otherwise: Callable[[bytes], bytes], data: bytes
 
 
 def _refuse_links(folder: Path) -> None:
-    """Refuse a rosbag2 with files that are links to outside of its folder.
-
-    Raises
-    ------
-    FileError
-    """
+    """Refuse a rosbag2 with files that are links to outside of its folder."""
     inside = folder.resolve()
     for each in folder.iterdir():
         if not each.resolve().is_relative_to(inside):

@@ -238,15 +238,7 @@ def refuse_jumps(
 
 
 class _Path:
-    """Positions of an axis, shape (n,), at increasing instants with errors up to `age`.
-
-    Parameters
-    ----------
-    time, q : arrays (n,)
-        Time stamps [s] and positions [rad or m].
-    age : float
-        Expected interval after the last sample [s]; 0 if all instants are exact.
-    """
+    """Positions of an axis [rad or m] at increasing instants [s] with errors up to `age` [s]."""
 
     def __init__(self, time: Array, q: Array, age: float) -> None:
         self._time, self._q = time, q
@@ -277,10 +269,7 @@ class _Path:
     def _off_path(self, before: Indices) -> Array:
         """Return distances of two samples after bends from the path before, or vice versa [rad, m].
 
-        Parameters
-        ----------
-        before : array of int, shape (k,)
-            Last samples before the bends.
+        `before` are the last samples before the bends.
         """
         last = len(self._q) - 1
         speeds = (

@@ -286,13 +286,7 @@ def refine(
 
 
 def _core(robot: Robot, options: Sequence[Option], each: int) -> list[int]:
-    """Choose options to identify every group by its own kind of measurement.
-
-    Parameters
-    ----------
-    each : int
-        Measurements for each parameter.
-    """
+    """Choose `each` options per parameter to identify each group by its own kind of measurement."""
     found: list[int] = []
     for group in dict.fromkeys(option.group for option in options):
         numbers = [k for k, option in enumerate(options) if option.group == group]
@@ -361,13 +355,7 @@ def _merge(chosen: Sequence[ParameterMeasurement]) -> list[ParameterMeasurement]
 def _count_fitting(
     robot: Robot, chosen: Sequence[ParameterMeasurement], least: int, budget: float
 ) -> int:
-    """Return the number of leading measurements of `chosen` that fit into `budget` [s].
-
-    Raises
-    ------
-    ValueError
-        Fewer than `least` measurements fit.
-    """
+    """Return the number of leading measurements within `budget` [s]; refuse fewer than `least`."""
     needed = total_duration(robot, _tour(robot, chosen[:least]))
     if needed > budget:
         raise ValueError(

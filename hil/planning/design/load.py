@@ -477,13 +477,7 @@ def _slow_down(measurement: ParameterMeasurement, share: float) -> ParameterMeas
 
 
 def _choose(bare: WithoutLoad, options: Sequence[Option], known: Array, seconds: float) -> Plan:
-    """Choose measurements in turn within `seconds`, travels included.
-
-    Parameters
-    ----------
-    known : ndarray, shape (n_z, n_z)
-        Information about z so far, of full rank.
-    """
+    """Choose measurements in turn within `seconds`, travels included; `known` has full rank."""
     robot, workspace = bare.robot, bare.plan.workspace
     worth = [bare.embed(option.worth) for option in options]
     starts = np.array([option.measurement.start for option in options])

@@ -174,12 +174,7 @@ def _cruising(robot: Robot, axis: int, stroke: float) -> float:
 
 
 def _refuse_slow(robot: Robot, axis: int, velocity: float, what: str) -> None:
-    """Refuse motions too slow for the estimator to use any sample.
-
-    Raises
-    ------
-    ValueError
-    """
+    """Refuse motions too slow for the estimator to use any sample."""
     unit, least = robot.position_unit(axis), SLOWEST * float(robot.velocity_limit[axis])
     if velocity < least:
         raise ValueError(
