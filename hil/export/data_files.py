@@ -43,12 +43,24 @@ if TYPE_CHECKING:
 def write_json(model: Model, origin: tuple[str, ...]) -> Exported:
     """Return the model as `model.json`."""
     law = model.friction_law
+    base = base_parameters(model.robot)
+    rows = zip(base.names, base.expressions, base.units, base.heads, strict=True)
     content = {
         "origin": list(origin),
         "robot": model.robot.name,
         "gravity_m_per_s2": model.robot.gravity.tolist(),
         "joints": [_json_joint(model, axis) for axis in range(model.robot.n_joints)],
-        "base_parameters": _json_parameters(model),
+        "base_parameters": [
+            {
+                "name": name,
+                "expression": expression,
+                "unit": unit,
+                "head": head,
+                "value": float(model.values[k]),
+                "standard_error": float(model.standard_errors[k]),
+            }
+            for k, (name, expression, unit, head) in enumerate(rows)
+        ],
         "covariance": model.covariance.tolist(),
         "friction": law.model_dump(mode="json") if law.known else None,
     }
@@ -71,22 +83,6 @@ def _json_joint(model: Model, axis: int) -> dict[str, object]:
         "reflected_inertia": float(robot.reflected_inertia[axis]),
         "residual": None if np.isnan(residual) else residual,
     }
-
-
-def _json_parameters(model: Model) -> list[dict[str, object]]:
-    base = base_parameters(model.robot)
-    rows = zip(base.names, base.expressions, base.units, base.heads, strict=True)
-    return [
-        {
-            "name": name,
-            "expression": expression,
-            "unit": unit,
-            "head": head,
-            "value": float(model.values[k]),
-            "standard_error": float(model.standard_errors[k]),
-        }
-        for k, (name, expression, unit, head) in enumerate(rows)
-    ]
 
 
 FORMULAS = {name: term.formula for name, term in OF_SPEED.items()}

@@ -292,7 +292,22 @@ def base_parameters(robot: Robot) -> BaseParameters:
     beside = np.zeros((len(placement), len(own))), np.zeros((len(unit), placement.shape[1]))
     matrix = np.hstack([links, weights])
     placement = np.block([[placement, beside[0]], [beside[1], unit]])
-    _cross_check(robot, mass, gravity, matrix, placement)
+    # compare the number of base parameters with the numeric rank of M and g
+    observed = _stack_elements(mass, gravity)
+    stated = observed @ _sparsity(robot)
+    rank = _rank(stated.T)
+    if rank != len(matrix):
+        raise RegroupingFailed(
+            f"{robot.name}: {len(matrix)} base parameters, but the numeric rank is {rank};"
+            " correct axes of the robot file that are almost, but not exactly, parallel or"
+            " perpendicular"
+        )
+    error = np.abs(stated - observed @ placement @ matrix).max(initial=0.0)
+    if error > ROUNDED_OFF * np.abs(stated).max(initial=0.0):
+        raise RegroupingFailed(
+            f"{robot.name}: torques by base parameters deviate by {error:g}; correct axes"
+            " that are almost, but not exactly, parallel or perpendicular"
+        )
     dependencies = find_dependencies(mass @ placement, gravity @ placement)
     standard, first = robot.standard_parameters, 10 * robot.n_joints
     every = [*(heads[k] for k in kept), *(first + k for k in own)]
@@ -396,27 +411,6 @@ def _stack_elements(mass: Array, gravity: Array) -> Array:
     """Stack the elements of M and g at all configurations, per unit of every standard parameter."""
     n = mass.shape[-1]
     return np.vstack([mass.reshape(-1, n), gravity.reshape(-1, n)])
-
-
-def _cross_check(
-    robot: Robot, mass: Array, gravity: Array, matrix: Array, placement: Array
-) -> None:
-    """Compare the number of base parameters with the numeric rank of M and g."""
-    observed = _stack_elements(mass, gravity)
-    stated = observed @ _sparsity(robot)
-    rank = _rank(stated.T)
-    if rank != len(matrix):
-        raise RegroupingFailed(
-            f"{robot.name}: {len(matrix)} base parameters, but the numeric rank is {rank};"
-            " correct axes of the robot file that are almost, but not exactly, parallel or"
-            " perpendicular"
-        )
-    error = np.abs(stated - observed @ placement @ matrix).max(initial=0.0)
-    if error > ROUNDED_OFF * np.abs(stated).max(initial=0.0):
-        raise RegroupingFailed(
-            f"{robot.name}: torques by base parameters deviate by {error:g}; correct axes"
-            " that are almost, but not exactly, parallel or perpendicular"
-        )
 
 
 def _sparsity(robot: Robot) -> Array:

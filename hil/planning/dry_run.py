@@ -138,9 +138,15 @@ def dry_run(
                 Problem(("measurements", number, "sine"), message)
                 for message in check_lag(measurement, robot, following)
             ]
+    total: defaultdict[str, float] = defaultdict(float)
+    for entry in timetable(plan, robot, plan.measurements):
+        total[entry.measurement.kind] += entry.duration
+        total["travel"] += entry.travel
+    if plan.warm_up:
+        total["warm-up"] = plan.warm_up.duration
     return DryRun(
         counts=dict(Counter(m.kind for m in plan.measurements)),
-        durations=_durations(plan, robot),
+        durations=dict(total),
         bus=bus,
         bus_load=bus.duration / plan.sample_period if bus else 0.0,
         problems=tuple(measurements + list(_check_load(bus, plan))),
@@ -160,16 +166,6 @@ def measurement_problems(plan: Plan, robot: Robot) -> list[Problem]:
         for number, measurement in enumerate(plan.measurements)
         for problem in _check(number, measurement, guarded, plan.sample_period)
     ]
-
-
-def _durations(plan: Plan, robot: Robot) -> dict[str, float]:
-    total: defaultdict[str, float] = defaultdict(float)
-    for entry in timetable(plan, robot, plan.measurements):
-        total[entry.measurement.kind] += entry.duration
-        total["travel"] += entry.travel
-    if plan.warm_up:
-        total["warm-up"] = plan.warm_up.duration
-    return dict(total)
 
 
 def _check_load(bus: BusCycle | None, plan: Plan) -> Iterator[Problem]:

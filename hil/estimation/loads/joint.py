@@ -240,7 +240,18 @@ class JointRuns:
             return ()
         blocks = self._joined([run.blocks for run in self._every])
         without, with_load = (blocks.where(blocks.labels["run"] == s) for s in (0, 1))
-        return tuple(_misfit(without, with_load, self.x, len(self._names["base"])))
+        # compare both runs by axis, without axes that hardly move in the run with the load
+        n_base = len(self._names["base"])
+        found = []
+        for axis in range(with_load.n_channels):
+            before, after = (_left(blocks, axis, self.x, n_base) for blocks in (without, with_load))
+            # minimum number of measurements of an axis in a run
+            if min(len(before), len(after)) >= 2:
+                (square, r), (square_with, s) = before.sum(axis=0), after.sum(axis=0)
+                ratio = float(square_with / s / (square / r)) if square > 0 else 1.0
+                chance = special.fdtrc(len(after), len(before), ratio)
+                found.append(AxisMisfit(axis=axis + 1, ratio=ratio, p_value=float(chance)))
+        return tuple(found)
 
     def _regression(self, blocks: Blocks) -> Regression:
         """Return the regression of blocks, weighted by axis and run."""
@@ -321,23 +332,6 @@ class JointRuns:
             return f"{name} of run {s}"
         other = run.kind != first.kind and name in run.blocks.own
         return f"{name} of {run.kind}" if other else name
-
-
-def _misfit(without: Blocks, with_load: Blocks, x: Array, n_base: int) -> list[AxisMisfit]:
-    """Compare both runs by axis, without axes that hardly move in the run with the load.
-
-    The columns of the base parameters come first; `x` is the solution for all unknowns.
-    """
-    found = []
-    for axis in range(with_load.n_channels):
-        before, after = (_left(blocks, axis, x, n_base) for blocks in (without, with_load))
-        # minimum number of measurements of an axis in a run
-        if min(len(before), len(after)) >= 2:
-            (square, r), (square_with, s) = before.sum(axis=0), after.sum(axis=0)
-            ratio = float(square_with / s / (square / r)) if square > 0 else 1.0
-            chance = special.fdtrc(len(after), len(before), ratio)
-            found.append(AxisMisfit(axis=axis + 1, ratio=ratio, p_value=float(chance)))
-    return found
 
 
 def _left(blocks: Blocks, axis: int, x: Array, n_base: int) -> Array:

@@ -277,13 +277,9 @@ class _Reader:
             place=str(placed.wrong(f"joint {model.jnt(k).name!r}")),
         )
         before = here @ anchor @ joint.motion(-float(model.qpos0[model.jnt_qposadr[k]]))
-        return _place_joint(joint, before), inverse(anchor)
-
-
-def _place_joint(joint: UrdfJoint, before: Array) -> UrdfJoint:
-    exact = before.copy()
-    exact[:3, :3] = _snap(before[:3, :3])
-    return replace(joint, before=exact)
+        exact = before.copy()
+        exact[:3, :3] = _snap(before[:3, :3])
+        return replace(joint, before=exact), inverse(anchor)
 
 
 def _snap(directions: Array) -> Array:

@@ -88,7 +88,13 @@ class Selection:
         joints = range(robot.n_joints)
         self._moves = np.array([[j in each.measurement.moved for j in joints] for each in options])
         self._blocks = _blocks(options)
-        self._information = _prior(options, n_unknowns(robot))
+        # a prior small enough to be negligible, large enough for finite determinants
+        diagonal = np.zeros(n_unknowns(robot))
+        for option in options:
+            for at, worth in option.worth:
+                diagonal[at] += np.diag(worth) / len(options)
+        # negligible information: a millionth of the mean option's
+        self._information = np.diag(np.where(diagonal > 0, 1e-6 * diagonal, 1.0))
         if known is not None:
             self._information += known
         self._options = options
@@ -179,16 +185,6 @@ def _blocks(options: Sequence[Option]) -> list[tuple[Indices, Indices, Array]]:
                 worth[row][np.ix_(inside, inside)] += matrix
         found.append((at, np.array(numbers, dtype=np.intp), worth))
     return found
-
-
-def _prior(options: Sequence[Option], n: int) -> Array:
-    """Return a prior small enough to be negligible, large enough for finite determinants."""
-    diagonal = np.zeros(n)
-    for option in options:
-        for at, worth in option.worth:
-            diagonal[at] += np.diag(worth) / len(options)
-    # negligible information: a millionth of the mean option's
-    return np.diag(np.where(diagonal > 0, 1e-6 * diagonal, 1.0))
 
 
 CORE = 2

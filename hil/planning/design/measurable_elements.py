@@ -322,7 +322,15 @@ def candidates(robot: Robot, element: Element, workspace: Workspace | None) -> A
     for i, stroke in element.strokes.items():
         beyond = (1 - RANGE) * (robot.q_max[i] - robot.q_min[i]) / 2
         half[i] -= stroke / 2 + max(_turn(robot, i) / 2 - beyond, 0.0)
-    joints = _influencing(element.row, middle, half)
+    # the joints whose angle changes the row
+    n = len(middle)
+    base = middle + half * halton(16, n)
+    moved = np.tile(base, (n + 1, 1, 1))
+    for joint in range(n):
+        moved[joint, :, joint] -= 0.7 * half[joint]
+    rows = element.row(moved.reshape(-1, n)).reshape(n + 1, len(base), -1)
+    change = np.abs(rows[:n] - rows[n]).max(axis=(1, 2))
+    joints = np.flatnonzero(change > 1e-9 * np.abs(rows[n]).max()).tolist()
     q = np.tile(middle, (CANDIDATES, 1))
     if joints:
         points = halton(CANDIDATES, len(joints))
@@ -393,15 +401,3 @@ def _turn(robot: Robot, axis: int) -> float:
     # at most a fifth of the range
     most = 0.2 * float(robot.q_max[axis] - robot.q_min[axis])
     return min(math.tau / float(robot.gear_ratio[axis]), most)
-
-
-def _influencing(row: Row, middle: Array, half: Array) -> list[int]:
-    """Return the joints whose angle changes the row."""
-    n = len(middle)
-    base = middle + half * halton(16, n)
-    moved = np.tile(base, (n + 1, 1, 1))
-    for joint in range(n):
-        moved[joint, :, joint] -= 0.7 * half[joint]
-    rows = row(moved.reshape(-1, n)).reshape(n + 1, len(base), -1)
-    change = np.abs(rows[:n] - rows[n]).max(axis=(1, 2))
-    return np.flatnonzero(change > 1e-9 * np.abs(rows[n]).max()).tolist()

@@ -148,18 +148,16 @@ def _assess(plan: Plan, robot: Robot, group: str, columns: list[int]) -> Identif
     hidden = tuple(base.names[c] for c in columns if base.dependencies.hidden[c])
     if not (hidden and len(W)):
         return _judge(group, names, len(W), W.T @ W)
-    found = _judge(group, names, len(W), *_together(plan, robot, columns))
-    return replace(found, hidden=hidden)
-
-
-def _together(plan: Plan, robot: Robot, columns: list[int]) -> tuple[Array, Array]:
     everything = range(len(base_parameters(robot)))
     rows, axes = [], []
     for kind in ELEMENT_KINDS.values():
         own = [m for m in element_measurements(plan.measurements) if m.kind == kind.name]
         rows.append(group_observations(plan, robot, kind.group, everything))
         axes += [m.index if kind.symbol == "g" else -1 for m in own]
-    return eliminate_others(np.vstack(rows), np.array(axes), columns)
+    found = _judge(
+        group, names, len(W), *eliminate_others(np.vstack(rows), np.array(axes), columns)
+    )
+    return replace(found, hidden=hidden)
 
 
 def _torque_rows(robot: Robot, chosen: Sequence[ElementMeasurement]) -> Array:
