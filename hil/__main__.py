@@ -56,7 +56,12 @@ def main() -> None:
         # An interrupt of code that a library generated stays noted in the interpreter, which would
         # end by that signal instead of with our status; running any generated code clears the note.
         exec("")  # noqa: S102
-        _flush()
+        # write buffered output, or discard it if the stream is broken
+        for stream in (sys.stdout, sys.stderr):
+            try:
+                stream.flush()
+            except OSError:
+                _discard(stream.fileno())
 
 
 class _Patient(io.FileIO):
@@ -84,15 +89,6 @@ def _leave(number: int, frame: FrameType | None) -> None:
     if os.isatty(1):
         os.write(1, CLEARED)
     os._exit(STATUS)
-
-
-def _flush() -> None:
-    """Write buffered output, or discard it if the stream is broken."""
-    for stream in (sys.stdout, sys.stderr):
-        try:
-            stream.flush()
-        except OSError:
-            _discard(stream.fileno())
 
 
 if __name__ == "__main__":

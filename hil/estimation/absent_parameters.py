@@ -148,8 +148,17 @@ def examine(robot: Robot, prepared: Prepared) -> ModelErrors:
     stated = K @ base_parameters(robot).placement
     shares = SimultaneousFit(whole, prepared).shares
     measured = _Measured(*shares_without_nuisance(shares.N, shares.v, len(K)))
-    absent, absorbed = _absent(robot, K, stated)
-    candidates, unmeasured = _grouped(measured, stated, absent)
+    # columns of K of visible missing parameters, and names of invisible ones
+    inside, _ = orthonormal(stated)
+    shown, absorbed = {}, []
+    for name, u in zip(robot.standard_parameters, K.T, strict=True):
+        if name in robot.present and name not in robot.ties:
+            continue
+        if np.linalg.norm(project_out(inside, u)) > _SAME:
+            shown[name] = u
+        elif name not in robot.ties:
+            absorbed.append(name)
+    candidates, unmeasured = _grouped(measured, stated, shown)
     threshold = SIGNIFICANCE / max(len(candidates), 1)
     alone = _tested(measured, stated, candidates)
     found: list[Candidate] = []
@@ -174,24 +183,10 @@ def examine(robot: Robot, prepared: Prepared) -> ModelErrors:
         p=value[:n],
         p_all=basis @ value,
         p_values=p_value[:n],
-        absorbed=absorbed,
+        absorbed=tuple(absorbed),
         unmeasured=unmeasured,
         threshold=threshold,
     )
-
-
-def _absent(robot: Robot, K: Array, stated: Array) -> tuple[dict[str, Array], tuple[str, ...]]:
-    """Return columns of K of visible missing parameters, and names of invisible ones."""
-    inside, _ = orthonormal(stated)
-    shown, absorbed = {}, []
-    for name, u in zip(robot.standard_parameters, K.T, strict=True):
-        if name in robot.present and name not in robot.ties:
-            continue
-        if np.linalg.norm(project_out(inside, u)) > _SAME:
-            shown[name] = u
-        elif name not in robot.ties:
-            absorbed.append(name)
-    return shown, tuple(absorbed)
 
 
 class _Measured(NamedTuple):

@@ -144,6 +144,12 @@ def _fit_axis(model: Model, axis: int, law: AxisLaw, warmth: float | None) -> Si
     (coulomb, viscous), left = optimize.nnls(np.column_stack([np.ones_like(v), v]), odd)
     constant = float(np.mean(even))
     plain = Quadratic(float(coulomb), float(viscous), 0.0, constant, _misfit(left, even))
+    fits = []
+    for velocity in np.geomspace(v[0], v[-1], 40):
+        bell = np.exp(-((v / velocity) ** 2))
+        found, left = optimize.nnls(np.column_stack([1.0 - bell, bell, v]), odd)
+        coulomb, static, viscous = found.tolist()
+        fits.append(Stribeck(coulomb, static, viscous, float(velocity), _misfit(left, even)))
     return SimpleFriction(
         axis=axis,
         speeds=v,
@@ -152,19 +158,9 @@ def _fit_axis(model: Model, axis: int, law: AxisLaw, warmth: float | None) -> Si
         coulomb=plain.coulomb,
         viscous=plain.viscous,
         misfit=plain.misfit,
-        stribeck=_stribeck(v, odd, even),
+        stribeck=min(fits, key=lambda each: each.misfit),
         coasting=_coasting(v, odd, even, plain),
     )
-
-
-def _stribeck(v: Array, odd: Array, even: Array) -> Stribeck:
-    fits = []
-    for velocity in np.geomspace(v[0], v[-1], 40):
-        bell = np.exp(-((v / velocity) ** 2))
-        found, left = optimize.nnls(np.column_stack([1.0 - bell, bell, v]), odd)
-        coulomb, static, viscous = found.tolist()
-        fits.append(Stribeck(coulomb, static, viscous, float(velocity), _misfit(left, even)))
-    return min(fits, key=lambda each: each.misfit)
 
 
 def _coasting(v: Array, odd: Array, even: Array, plain: Quadratic) -> Quadratic:

@@ -374,7 +374,20 @@ def find_warmth(levels: Blocks, time: Array, past: History, axis: int) -> WarmLa
     }
     if len(time) < FOLDS or not courses:
         return None
-    law, last, warm = _held_out(levels, courses)
+    # squared errors of held-out parts, (3, n_parts): of the law alone, of the level of the last
+    # measurement before, and of warmth
+    errors = []
+    for out in folds(len(levels)):
+        kept = np.ones(len(levels), dtype=bool)
+        kept[out] = False
+        rest, held = levels.where(kept), levels.where(~kept)
+        taus = _best(rest, {each: course[kept] for each, course in courses.items()})
+        warm = _fitted(rest, courses[taus][kept], STEPS)
+        alone, same = _fitted(rest, np.zeros(len(rest)), 1).values, np.ones(len(held))
+        last = 1.0 + deviations(rest, alone)[max(out.start - 1, 0)]
+        tried = (alone, same), (alone, last * same), (warm.values, warm.factors(courses[taus][out]))
+        errors.append([_errors(held, *each).sum() for each in tried])
+    law, last, warm = np.transpose(errors)
     if simplest({"law": law, "warmth": warm}) == "law" or last.sum() <= warm.sum():
         return None
     taus = _best(levels, courses)
@@ -475,22 +488,3 @@ def _best(levels: Blocks, courses: dict[tuple[float, float], Array]) -> tuple[fl
     around = np.column_stack([np.ones(len(course)), -values])
     left = np.einsum("ki,kij,kj->k", around, scaled(), around)
     return list(courses)[int(np.argmin(left))]
-
-
-def _held_out(levels: Blocks, courses: dict[tuple[float, float], Array]) -> Array:
-    """Return squared errors of held-out parts, shape (3, n_parts).
-
-    Predictions: the law alone, the level of the last measurement before, and warmth.
-    """
-    found = []
-    for out in folds(len(levels)):
-        kept = np.ones(len(levels), dtype=bool)
-        kept[out] = False
-        rest, held = levels.where(kept), levels.where(~kept)
-        taus = _best(rest, {each: course[kept] for each, course in courses.items()})
-        warm = _fitted(rest, courses[taus][kept], STEPS)
-        alone, same = _fitted(rest, np.zeros(len(rest)), 1).values, np.ones(len(held))
-        last = 1.0 + deviations(rest, alone)[max(out.start - 1, 0)]
-        tried = (alone, same), (alone, last * same), (warm.values, warm.factors(courses[taus][out]))
-        found.append([_errors(held, *each).sum() for each in tried])
-    return np.transpose(found)

@@ -278,7 +278,10 @@ def base_parameters(robot: Robot) -> BaseParameters:
     """
     heads, regrouped = _regroup(robot)
     sparse = [_put_in_sparsity(robot, row) for row in regrouped]
-    matrix = _numeric(robot, sparse)
+    matrix = np.zeros((len(sparse), 10 * robot.n_joints))
+    for index, row in enumerate(sparse):
+        for parameter, weight in row.items():
+            matrix[index, parameter] = weight.evaluate(robot.file.lengths)
     names = enumerate(robot.standard_parameters)  # free parameters: present and not tied
     free = {k for k, name in names if name in robot.present and name not in robot.ties}
     kept, dependence = _independent_rows(matrix, [head in free for head in heads])
@@ -377,14 +380,6 @@ def _put_in_sparsity(robot: Robot, row: Combination) -> Combination:
             total = add(total, {carrier: weight})
     tidy = {parameter: weight.tidy() for parameter, weight in total.items()}
     return {parameter: weight for parameter, weight in sorted(tidy.items()) if weight}
-
-
-def _numeric(robot: Robot, rows: Sequence[Combination]) -> Array:
-    matrix = np.zeros((len(rows), 10 * robot.n_joints))
-    for index, row in enumerate(rows):
-        for parameter, weight in row.items():
-            matrix[index, parameter] = weight.evaluate(robot.file.lengths)
-    return matrix
 
 
 def _independent_rows(matrix: Array, headed: Sequence[bool]) -> tuple[list[int], Array]:

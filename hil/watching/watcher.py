@@ -335,31 +335,32 @@ class Watcher:
             self._signs[axis] = now
             if axis not in self._open:
                 self._open[axis] = len(self.alarms)
-                self.alarms.append(self._alarm(judged, row, axis, int(ratio[:, axis].argmax())))
+                window = int(ratio[:, axis].argmax())
+                torque = float(judged.outside[row, window, axis])
+                self.alarms.append(
+                    Alarm(
+                        axis=axis + 1,
+                        time=round(float(judged.time[row]), 6),
+                        torque=torque,
+                        threshold=float(judged.threshold[row, window, axis]),
+                        window=round(float(self._lengths[window]), 6),
+                        peak=torque,
+                    )
+                )
                 self.trace.keep(axis, now)
                 yield self.alarms[-1]
         for axis, number in tuple(self._open.items()):
-            self.alarms[number] = self._gone_on(
-                self.alarms[number], float(judged.outside[row, self._soon, axis])
+            alarm = self.alarms[number]
+            lasted = round(float(self._signs[alarm.axis - 1]) - alarm.time, 6)
+            self.alarms[number] = alarm.model_copy(
+                update={
+                    "peak": max(alarm.peak, float(judged.outside[row, self._soon, axis]), key=abs),
+                    "lasted": lasted,
+                }
             )
             # a quarter of a period: the same sample ends an alarm whatever the rounding of times
             if now - self._signs[axis] > OVER + self._period / 4:
                 del self._open[axis]
-
-    def _alarm(self, judged: Judged, row: int, axis: int, window: int) -> Alarm:
-        torque = float(judged.outside[row, window, axis])
-        return Alarm(
-            axis=axis + 1,
-            time=round(float(judged.time[row]), 6),
-            torque=torque,
-            threshold=float(judged.threshold[row, window, axis]),
-            window=round(float(self._lengths[window]), 6),
-            peak=torque,
-        )
-
-    def _gone_on(self, alarm: Alarm, seen: float) -> Alarm:
-        lasted = round(float(self._signs[alarm.axis - 1]) - alarm.time, 6)
-        return alarm.model_copy(update={"peak": max(alarm.peak, seen, key=abs), "lasted": lasted})
 
     def _count(self, judged: Judged, every: int = 8, most: int = 100_000) -> None:
         """Update the visibility statistics, with one in `every` samples for medians."""

@@ -195,7 +195,18 @@ class Space:
         _, values, rows = np.linalg.svd(scaled / np.linalg.norm(scaled, axis=1)[:, np.newaxis])
         rank = int(np.sum(values > _RANK * values[0]))
         free = unit[:, np.newaxis] * rows[rank:].T
-        return cls(base_parameters(robot).placement, p, _root(covariance), free, likely)
+        # L with L L' = V, shape (n_base, rank)
+        error = np.sqrt(np.maximum(np.diag(covariance), 0.0))
+        scale = np.where(error > 0, error, 1.0)
+        values, vectors = np.linalg.eigh(covariance / np.outer(scale, scale))
+        kept = values > _NEGLIGIBLE * max(values[-1], 1e-300)
+        return cls(
+            base_parameters(robot).placement,
+            p,
+            np.asarray(scale[:, np.newaxis] * vectors[:, kept] * np.sqrt(values[kept])),
+            free,
+            likely,
+        )
 
     def free_absent(self, robot: Robot) -> Space:
         """Return the space with the robot file's missing and tied parameters set free."""
@@ -280,15 +291,6 @@ def _units(likely: Array, n_added: int) -> Array:
         inertia, mass = float(body[[0, 3, 5]].sum()), float(body[9])
         found += [inertia] * 6 + [float(np.sqrt(inertia * mass))] * 3 + [mass]
     return np.array(found + [float(np.mean(found[::10]))] * n_added)
-
-
-def _root(covariance: Array) -> Array:
-    """Return L with L L' = V, shape (n_base, rank)."""
-    error = np.sqrt(np.maximum(np.diag(covariance), 0.0))
-    scale = np.where(error > 0, error, 1.0)
-    values, vectors = np.linalg.eigh(covariance / np.outer(scale, scale))
-    kept = values > _NEGLIGIBLE * max(values[-1], 1e-300)
-    return np.asarray(scale[:, np.newaxis] * vectors[:, kept] * np.sqrt(values[kept]))
 
 
 SHAPES = "the links' shapes"

@@ -142,7 +142,14 @@ class Selection:
         found = np.empty(len(self._worth))
         for at, numbers, worth in self._blocks:
             if self._criterion == "det":
-                found[numbers] = self._growth(at, worth, inverse, common)
+                # growth of log det
+                unit = np.eye(len(at))
+                inner = at >= self._n_base
+                own = at[inner] - self._n_base
+                _, whole = np.linalg.slogdet(unit + worth @ inverse[np.ix_(at, at)])
+                nuisance = worth[:, inner][:, :, inner] @ common[np.ix_(own, own)]
+                _, part = np.linalg.slogdet(np.eye(len(own)) + nuisance)
+                found[numbers] = whole - part
             else:
                 # relative decrease in the variance of torques
                 rows = self._scale[:, np.newaxis] * inverse[: self._n_base, at]
@@ -151,17 +158,6 @@ class Selection:
                 variance = self._scale**2 @ np.diag(inverse)[: self._n_base]
                 found[numbers] = fall / variance
         return found
-
-    def _growth(self, at: Indices, worth: Array, inverse: Array, common: Array) -> Array:
-        """Compute the growth of log det for options with unknowns `at`."""
-        unit = np.eye(len(at))
-        inner = at >= self._n_base
-        own = at[inner] - self._n_base
-        _, whole = np.linalg.slogdet(unit + worth @ inverse[np.ix_(at, at)])
-        nuisance = worth[:, inner][:, :, inner] @ common[np.ix_(own, own)]
-        _, part = np.linalg.slogdet(np.eye(len(own)) + nuisance)
-        growth: Array = whole - part
-        return growth
 
     def _costs(self) -> Array:
         """Return the duration of every option, travel included [s]."""
@@ -316,7 +312,20 @@ def _fill(
     while selection.duration < 1.15 * budget or len(selection.chosen) < least:
         selection.take_best()
     chosen = selection.measurements
-    fits = _count_fitting(robot, chosen, least, budget)
+    # the number of leading measurements within budget [s]; refuse fewer than least
+    needed = total_duration(robot, _tour(robot, chosen[:least]))
+    if needed > budget:
+        raise ValueError(
+            f"{budget / 60:.3g} minutes for measurements must be at least {needed / 60:.3g}, for "
+            f"{least} measurements and the travel between; give more --minutes"
+        )
+    fits, exceeds = least, len(chosen) + 1
+    while exceeds - fits > 1:
+        middle = (fits + exceeds) // 2
+        if total_duration(robot, _tour(robot, chosen[:middle])) > budget:
+            exceeds = middle
+        else:
+            fits = middle
     if workspace is None:
         return _tour(robot, chosen[:fits])
     guarded = narrow_ranges(robot, workspace)
@@ -346,26 +355,6 @@ def _merge(chosen: Sequence[ParameterMeasurement]) -> list[ParameterMeasurement]
         elif first := streamed.pop(each.id, None):
             found.append(first.model_copy(update={"cycles": periods[each.id]}))
     return found
-
-
-def _count_fitting(
-    robot: Robot, chosen: Sequence[ParameterMeasurement], least: int, budget: float
-) -> int:
-    """Return the number of leading measurements within `budget` [s]; refuse fewer than `least`."""
-    needed = total_duration(robot, _tour(robot, chosen[:least]))
-    if needed > budget:
-        raise ValueError(
-            f"{budget / 60:.3g} minutes for measurements must be at least {needed / 60:.3g}, for "
-            f"{least} measurements and the travel between; give more --minutes"
-        )
-    fits, exceeds = least, len(chosen) + 1
-    while exceeds - fits > 1:
-        middle = (fits + exceeds) // 2
-        if total_duration(robot, _tour(robot, chosen[:middle])) > budget:
-            exceeds = middle
-        else:
-            fits = middle
-    return fits
 
 
 def order_by_travel(

@@ -97,7 +97,12 @@ def gravity_motion(robot: Robot, axis: int) -> dict[str, Any]:
     window = min(max(GRAVITY_STROKE / velocity, shortest), longest)
     longer = _ramp(robot, axis, velocity) - RAMP_OF_CREEP
     stroke = min(velocity * (window + longer), max(LONGEST_STROKE, velocity * longer), room)
-    velocity = min(velocity, _cruising(robot, axis, stroke))
+    # the highest velocity held for SHORTEST_CRUISE in a stroke
+    limit = STEEPEST * float(robot.acceleration_limit[axis])
+    steep = SHORTEST_CRUISE * limit / 2
+    # stroke = velocity (cruise + ramp); the ramp lasts velocity / limit or RAMP_OF_CREEP
+    held = math.sqrt(steep**2 + limit * stroke) - steep, stroke / (SHORTEST_CRUISE + RAMP_OF_CREEP)
+    velocity = min(velocity, *held)
     _refuse_slow(robot, axis, velocity, f"gravity, in strokes of {stroke:.3g}")
     return {
         "stroke": stroke,
@@ -161,16 +166,6 @@ def partner_motion(robot: Robot, axis: int, number: int = 0) -> Partner:
 def _ramp(robot: Robot, axis: int, velocity: float) -> float:
     """Return the duration of a ramp to constant velocity [s]."""
     return max(velocity / (STEEPEST * float(robot.acceleration_limit[axis])), RAMP_OF_CREEP)
-
-
-def _cruising(robot: Robot, axis: int, stroke: float) -> float:
-    """Compute the highest velocity held for `SHORTEST_CRUISE` in a stroke."""
-    limit = STEEPEST * float(robot.acceleration_limit[axis])
-    steep = SHORTEST_CRUISE * limit / 2
-    # stroke = velocity (cruise + ramp); the ramp lasts velocity / limit or RAMP_OF_CREEP
-    return min(
-        math.sqrt(steep**2 + limit * stroke) - steep, stroke / (SHORTEST_CRUISE + RAMP_OF_CREEP)
-    )
 
 
 def _refuse_slow(robot: Robot, axis: int, velocity: float, what: str) -> None:
