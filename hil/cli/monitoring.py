@@ -163,7 +163,7 @@ def _position(drive: AxisDrive, q: float) -> str:
 
 
 class WatchView:
-    """Display of new alarms, and of all axes' torques on a terminal."""
+    """Display of new alarms, and of the axes' torques on a terminal."""
 
     def __init__(self, watcher: Watcher, robot: Robot) -> None:
         self._watcher = watcher

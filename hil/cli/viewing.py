@@ -72,7 +72,7 @@ def view(
         read, page = partial(_read_run, path, model_path, urdf, meshes), path / RUN_PAGE
     elif _is_plan(path):
         read = partial(_read_plan, path, robot_file, workspace, model_path, urdf, meshes)
-        page = page_of_plan(path)
+        page = path.with_suffix(".html")
     else:
         _refuse(robot_file, "--robot", "a robot")
         _refuse(model_path, "--model", "a robot without motion")
@@ -81,11 +81,6 @@ def view(
     with working(f"reading {what}"):
         make = read()
     write(output or page, make)
-
-
-def page_of_plan(plan_file: Path) -> Path:
-    """Return the default path of a plan's page."""
-    return plan_file.with_suffix(".html")
 
 
 def refuse_page(path: Path) -> None:

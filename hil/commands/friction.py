@@ -87,7 +87,7 @@ class FrictionResult:
         return f"model of {self.model_folder}" if self.model_folder else "half-differences"
 
     def axis_points(self, axis: int) -> list[FrictionPoint]:
-        """Return the points of one axis (from 0)."""
+        """Return the points of an axis (from 0)."""
         return [point for point in self.points if point.axis == axis]
 
 

@@ -450,7 +450,7 @@ _CAPTION = (
 
 
 def time_chart(found: History, places: Sequence[int]) -> Iterator[Panel]:
-    """Draw the quantities at `places`, one panel per quantity."""
+    """Draw the quantities at `places`, a panel per quantity."""
     # days or hours; run numbers if a run has no date
     stamps = [run.measured for run in found.runs]
     at, label = np.arange(1.0, len(stamps) + 1), "run"

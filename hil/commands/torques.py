@@ -139,7 +139,7 @@ def model_and_run(path: Path, model: Model, folder: Path) -> dict[str, str]:
 
 
 def torque_chart(shown: Sequence[PredictedTorque], robot: Robot) -> Iterator[Panel]:
-    """Draw measured and predicted torque with interval for each axis, residuals below."""
+    """Draw measured and predicted torque with interval by axis, residuals below."""
     for each in shown:
         unit, t, half = robot.torque_unit(each.axis), each.time, each.half
         low, high = each.predicted - half, each.predicted + half

@@ -168,7 +168,7 @@ def first_scaling(
         )
     if p is not None:
         return _fit_gains(recorded, unknown, p)
-    require_scale(robot, recorded, unknown)
+    _require_scale(robot, recorded, unknown)
     axes, usual_gains = list(unknown), np.ones(recorded.n_channels)
     usual_gains[axes] = np.sqrt(_usual_torque(recorded, unknown) / _mean_squares(recorded)[axes, 0])
     # solve the linear problem for the gains, bounded around usual ones, shape (n_joints,)
@@ -278,14 +278,8 @@ def _usual_torque(recorded: Blocks, unknown: tuple[int, ...]) -> float:
     return float(np.mean(squares[:, 1 + recorded.layout.index(ROTOR)])) or 1.0
 
 
-def require_scale(robot: Robot, recorded: Blocks, unknown: tuple[int, ...]) -> None:
-    """Raise an error if the torques do not determine the scale.
-
-    Raises
-    ------
-    NotIdentifiable
-        Gains and base parameters are determined only up to scale; the message names them.
-    """
+def _require_scale(robot: Robot, recorded: Blocks, unknown: tuple[int, ...]) -> None:
+    """Raise an error if the torques determine gains and base parameters only up to scale."""
     lost = _open(recorded, unknown)
     axes = [axis for axis in unknown if gain_name(axis) in lost]
     if not axes:

@@ -261,14 +261,8 @@ def inertia_elements(robot: Robot, columns: list[int]) -> list[Element]:
     return [element(i) for i in range(robot.n_joints) if mass[i, i, columns].any()]
 
 
-def coupling_elements(robot: Robot, columns: list[int]) -> list[Element]:
-    """Return an off-diagonal element of M for every base parameter in `columns`.
-
-    Raises
-    ------
-    ValueError
-        The range of an axis is too short for creeping during the partner's strokes.
-    """
+def _coupling_elements(robot: Robot, columns: list[int]) -> list[Element]:
+    """Return an off-diagonal element of M per base parameter in `columns`; refuse short ranges."""
     middle = (robot.q_min + robot.q_max) / 2
 
     def element(j: int, i: int) -> Element:
@@ -297,7 +291,7 @@ def coupling_elements(robot: Robot, columns: list[int]) -> list[Element]:
 ELEMENTS: dict[str, Callable[[Robot, list[int]], list[Element]]] = {
     "gravity": gravity_elements,
     "inertia": inertia_elements,
-    "coupling": coupling_elements,
+    "coupling": _coupling_elements,
 }
 """Functions from base parameters to elements, by kind of measurement."""
 
