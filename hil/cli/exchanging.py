@@ -45,8 +45,7 @@ def import_(
         ),
     ] = None,
     draft: Annotated[
-        Path | None,
-        typer.Option("--draft", help="Recording to draft a first map from."),
+        Path | None, typer.Option("--draft", help="Recording to draft a first map from.")
     ] = None,
     robot: Annotated[
         str | None,
@@ -187,8 +186,7 @@ def export(
     ] = None,
     without: Without = None,
     force: Annotated[
-        bool,
-        typer.Option("--force", help="Export the model of a failed identification, too."),
+        bool, typer.Option("--force", help="Export the model of a failed identification, too.")
     ] = False,
 ) -> None:
     """Export an identified model, or the recordings of a run, to other tools."""

@@ -44,11 +44,7 @@ def monitor(
     where: DrivesBus,
     duration: Annotated[
         float | None,
-        typer.Option(
-            "--for",
-            min=0.1,
-            help="Duration of monitoring; unlimited by default \\[s].",
-        ),
+        typer.Option("--for", min=0.1, help="Duration of monitoring; unlimited by default \\[s]."),
     ] = None,
     inputs: Annotated[
         bool,
@@ -69,13 +65,7 @@ def monitor(
         Keys() as keys,
     ):
         picture = bus.picture(drives, inputs=inputs)
-        follow(
-            picture.listen,
-            lambda: _table(picture, drives),
-            keys,
-            out,
-            duration,
-        )
+        follow(picture.listen, lambda: _table(picture, drives), keys, out, duration)
 
 
 def follow(

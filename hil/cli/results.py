@@ -252,10 +252,7 @@ def friction(
     folder: RunPath,
     model: Annotated[
         Path | None,
-        typer.Option(
-            help="Identified run, whose model compensates gravity.",
-            autocompletion=runs,
-        ),
+        typer.Option(help="Identified run, whose model compensates gravity.", autocompletion=runs),
     ] = None,
     asymmetry: Annotated[
         float | None,

@@ -54,8 +54,7 @@ def view(
         ),
     ] = None,
     urdf: Annotated[
-        Path | None,
-        typer.Option("--urdf", help="URDF of the robot, for its visual meshes."),
+        Path | None, typer.Option("--urdf", help="URDF of the robot, for its visual meshes.")
     ] = None,
     meshes: Annotated[
         Path | None,

@@ -172,9 +172,7 @@ def read_history(
 
 
 def history_of(
-    loaded: Sequence[tuple[str, Model]],
-    reference: str | None = None,
-    least_wander: float = 0.0,
+    loaded: Sequence[tuple[str, Model]], reference: str | None = None, least_wander: float = 0.0
 ) -> History:
     """Compare labelled models of a robot; parameters as in `read_history`."""
     dated = all(model.provenance.measured for _, model in loaded)

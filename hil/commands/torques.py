@@ -154,11 +154,7 @@ def torque_chart(shown: Sequence[PredictedTorque], robot: Robot) -> Iterator[Pan
             x_label="time [s]",
             y_label=f"{'torque' if robot.revolute[each.axis] else 'force'} [{unit}]",
             below=Panel(
-                (
-                    Band(t, -around, around),
-                    Rule(0.0),
-                    Line(t, each.residual, MEASURED, width=0.9),
-                ),
+                (Band(t, -around, around), Rule(0.0), Line(t, each.residual, MEASURED, width=0.9)),
                 y_label=f"Δ [{unit}]",
                 height=42.0,
             ),
@@ -170,9 +166,7 @@ def torque_chart(shown: Sequence[PredictedTorque], robot: Robot) -> Iterator[Pan
 
 
 def packed_recordings(
-    robot: Robot,
-    recordings: Sequence[Shown],
-    parameters: Mapping[str, object] | None = None,
+    robot: Robot, recordings: Sequence[Shown], parameters: Mapping[str, object] | None = None
 ) -> str:
     """Return recordings in the compressed form of `hil.view.packed`; empty without recordings."""
     if not recordings:

@@ -40,12 +40,7 @@ from scipy import special
 
 from checked_files.yaml_file import FileModel
 from hil.estimation.simultaneous import SimultaneousFit
-from hil.least_squares.solving import (
-    eliminated,
-    orthonormal,
-    project_out,
-    shares_without_nuisance,
-)
+from hil.least_squares.solving import eliminated, orthonormal, project_out, shares_without_nuisance
 from hil.least_squares.uncertainty import correlation_of, leave_one_out
 from hil.model.base_parameters import base_parameters
 from hil.model.dynamics import gravity_torque

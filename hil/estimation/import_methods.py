@@ -85,10 +85,7 @@ OTHER = "no strokes of a single axis; this method uses no other recordings"
 
 
 def fit_free_motions(
-    robot: Robot,
-    recorded: Recorded,
-    name: str = DEFAULT,
-    options: Options = DEFAULTS,
+    robot: Robot, recorded: Recorded, name: str = DEFAULT, options: Options = DEFAULTS
 ) -> Estimate:
     """Identify base parameters and friction from free motions.
 
@@ -150,11 +147,7 @@ def _names(robot: Robot, solution: Solution) -> tuple[str, ...]:
 
 
 def estimate_from(
-    robot: Robot,
-    name: str,
-    solver: FreeSolver,
-    gathered: Gathered,
-    options: Options = DEFAULTS,
+    robot: Robot, name: str, solver: FreeSolver, gathered: Gathered, options: Options = DEFAULTS
 ) -> Estimate:
     """Estimate base parameters and friction from gathered recordings.
 
@@ -226,9 +219,7 @@ def estimate_from(
 
 
 def fit_back_and_forth(
-    robot: Robot,
-    recorded: Recorded,
-    covariance: Covariance = DEFAULTS.covariance,
+    robot: Robot, recorded: Recorded, covariance: Covariance = DEFAULTS.covariance
 ) -> Estimate:
     """Identify base parameters and friction curves, without a friction law.
 

@@ -411,9 +411,7 @@ def estimate_of(
     )
 
 
-def prepare(
-    recorded: Recorded,
-) -> tuple[list[tuple[ParameterMotion, Signals]], list[LeftOut]]:
+def prepare(recorded: Recorded) -> tuple[list[tuple[ParameterMotion, Signals]], list[LeftOut]]:
     """Return the signals of usable measurements, and the rejected measurements."""
     found, left_out = [], []
     for measurement, recording in recorded:

@@ -97,11 +97,7 @@ def _body(parent: ET.Element, joint: SimulatedJoint, *, coupled: bool) -> ET.Ele
     body = ET.SubElement(parent, "body", {"name": joint.link, **place})
     inertia = numbers(joint.inertia[at] for at in FULL)
     ET.SubElement(
-        body,
-        "inertial",
-        pos=numbers(joint.centre),
-        mass=number(joint.mass),
-        fullinertia=inertia,
+        body, "inertial", pos=numbers(joint.centre), mass=number(joint.mass), fullinertia=inertia
     )
     stated = {
         "name": joint.name,

@@ -444,13 +444,7 @@ def _directions(law: FrictionLaw, q: Array, qd: Array) -> list[Direction]:
 
 
 def law_columns(
-    robot: Robot,
-    law: AxisLaw,
-    q: Array,
-    qd: Array,
-    load: Array,
-    axis: int,
-    direction: Direction,
+    robot: Robot, law: AxisLaw, q: Array, qd: Array, load: Array, axis: int, direction: Direction
 ) -> Array:
     """Return the columns of the terms of an axis's law, shape (n, n_terms)."""
     v, angle = qd[:, axis], motor_angle(robot, q, axis)

@@ -86,10 +86,7 @@ if TYPE_CHECKING:
 
 REFERENCE = 0.5
 """Mean speed at which `warming` is the time constant, as a share of the limit: a convention."""
-TIMES = (
-    (10.0, 30.0, 90.0, 270.0, 810.0, 2430.0),
-    (60.0, 180.0, 540.0, 1620.0, 4860.0),
-)
+TIMES = ((10.0, 30.0, 90.0, 270.0, 810.0, 2430.0), (60.0, 180.0, 540.0, 1620.0, 4860.0))
 """Grid of time constants of warming and cooling, from the duration of a stroke to that of a
 campaign, a factor of three apart: half a grid step hardly changes the levels [s]."""
 COURSES = tuple(product((10.0, 90.0, 810.0), (60.0, 540.0, 4860.0)))

@@ -103,7 +103,7 @@ MANNERS: dict[str, Callable[[DriveBus, Any], Recording]] = {
 }
 """Functions that carry out a kind of measurement and return the recording."""
 PREPARATIONS: dict[str, Callable[[DriveBus, Any], Iterator[tuple[float, float]]]] = {
-    "friction": _rest_and_exercise,
+    "friction": _rest_and_exercise
 }
 """Preparations before the first attempt; yield their duration so far, and the bus's time [s]."""
 

@@ -229,11 +229,7 @@ def dot(x: Vector, y: Vector) -> Scalar:
 
 def cross(x: Vector, y: Vector) -> Vector:
     """Compute the cross product of two vectors."""
-    return (
-        x[1] * y[2] - x[2] * y[1],
-        x[2] * y[0] - x[0] * y[2],
-        x[0] * y[1] - x[1] * y[0],
-    )
+    return (x[1] * y[2] - x[2] * y[1], x[2] * y[0] - x[0] * y[2], x[0] * y[1] - x[1] * y[0])
 
 
 def _times(matrix: Matrix, x: Vector) -> Vector:

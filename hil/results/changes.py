@@ -159,9 +159,7 @@ def change(
 
 
 def common_friction(
-    quantities: Sequence[Quantity],
-    new: Sequence[Reading | None],
-    old: Sequence[Reading | None],
+    quantities: Sequence[Quantity], new: Sequence[Reading | None], old: Sequence[Reading | None]
 ) -> float:
     """Return the common relative change of friction; 0 if known for too few axes."""
     shares = {

@@ -48,15 +48,7 @@ from checked_files.budget import refuse_beyond
 from checked_files.foreign_text import whole_line
 from checked_files.yaml_file import FileError
 from hil.optional_packages import needed_for
-from hil.results.changes import (
-    FEWEST,
-    UNLIKE,
-    Change,
-    adjusted,
-    change,
-    common_shares,
-    p_values,
-)
+from hil.results.changes import FEWEST, UNLIKE, Change, adjusted, change, common_shares, p_values
 from hil.results.quantities import Kind, Quantity, Reading, friction_quantities, quantities, reading
 from hil.runs.atomic_file import write_file
 

@@ -160,11 +160,7 @@ def _finite(value: float) -> float | None:
 
 
 def write_load(
-    path: Path,
-    without: Run,
-    loaded: Sequence[Run],
-    found: LoadFit,
-    verdict: Sequence[str],
+    path: Path, without: Run, loaded: Sequence[Run], found: LoadFit, verdict: Sequence[str]
 ) -> LoadFile:
     """Write `load.yaml` into the folder `path`, atomically; return its content."""
     load, before, after, own = found.load, found.before, found.after, found.own

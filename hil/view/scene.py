@@ -299,11 +299,7 @@ def robot_scene(
 
 
 def plan_scene(
-    plan: Plan,
-    robot: Robot,
-    most: int,
-    model: Model | None = None,
-    visuals: Sequence[Visual] = (),
+    plan: Plan, robot: Robot, most: int, model: Model | None = None, visuals: Sequence[Visual] = ()
 ) -> Scene:
     """Create the scene of a plan, with the timing of the dry run.
 

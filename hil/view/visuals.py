@@ -241,10 +241,7 @@ def _joint(robot: Robot, joint: int) -> dict[str, object]:
         "torque": _finite_or_none(robot.torque_limit[joint]),
         "unit": robot.position_unit(joint),
         "torque_unit": robot.torque_unit(joint),
-        "capsule": {
-            "ends": shapes.ends[joint].tolist(),
-            "radius": float(shapes.radii[joint]),
-        },
+        "capsule": {"ends": shapes.ends[joint].tolist(), "radius": float(shapes.radii[joint])},
     }
 
 

@@ -177,11 +177,7 @@ def _term(name: str, share: float) -> str:
 
 
 def remarks(
-    robot: Robot,
-    recordings: Sequence[Halves],
-    whole: Blocks,
-    solution: Solution,
-    left: Residuals,
+    robot: Robot, recordings: Sequence[Halves], whole: Blocks, solution: Solution, left: Residuals
 ) -> Iterator[str]:
     """Yield remarks on the restrictions of the estimate."""
     moved = {each.axis for each in recordings}

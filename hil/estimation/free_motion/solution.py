@@ -149,11 +149,7 @@ def solve(
 
 
 def settled(
-    robot: Robot,
-    pieces: Regression,
-    fit: Fit,
-    configurations: Array | None,
-    prior: Prior | None,
+    robot: Robot, pieces: Regression, fit: Fit, configurations: Array | None, prior: Prior | None
 ) -> Solution:
     """Complete a fit by a prior, then by a positive mass matrix at `configurations`."""
     share, n, N = None, len(base_parameters(robot)), pieces.normal.information
@@ -251,12 +247,7 @@ def _possible(
     """
     metric = embedded(inverse(pieces.normal.information), fit.kept, len(fit.x)) + wide
     covariance, unusual = enlarge_covariance(
-        fit.x,
-        fit.covariance,
-        metric,
-        fit.layout,
-        fit.degrees_of_freedom,
-        weight_in_offset(robot),
+        fit.x, fit.covariance, metric, fit.layout, fit.degrees_of_freedom, weight_in_offset(robot)
     )
     nearest = nearest_positive(robot, fit.x, metric, configurations)
     error = np.sqrt(np.maximum(np.diag(covariance), np.finfo(float).tiny))

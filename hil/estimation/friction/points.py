@@ -287,9 +287,7 @@ class GravityModel:
 
 
 def points(
-    robot: Robot,
-    recorded: Iterable[tuple[Friction, Recording]],
-    model: GravityModel | None = None,
+    robot: Robot, recorded: Iterable[tuple[Friction, Recording]], model: GravityModel | None = None
 ) -> tuple[list[FrictionPoint], list[str]]:
     """Compute friction points from friction measurements.
 

@@ -175,11 +175,7 @@ class MjcfText:
         return tostring(root, encoding="unicode"), given
 
     def _copy(
-        self,
-        source: Placed,
-        target: Element,
-        geoms: list[tuple[Element, str]],
-        body: str = "",
+        self, source: Placed, target: Element, geoms: list[tuple[Element, str]], body: str = ""
     ) -> None:
         """Copy the relevant part of an element, and list geoms needed for inertias.
 

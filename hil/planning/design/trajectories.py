@@ -140,11 +140,7 @@ class Basis:
     """
 
     def __init__(
-        self,
-        robot: Robot,
-        period: float,
-        harmonics: int = HARMONICS,
-        speed: Array | None = None,
+        self, robot: Robot, period: float, harmonics: int = HARMONICS, speed: Array | None = None
     ) -> None:
         if harmonics < 2:
             raise ValueError(

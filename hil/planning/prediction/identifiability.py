@@ -20,13 +20,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from hil.least_squares.solving import (
-    IDENTIFIABLE,
-    eliminated,
-    inverse,
-    inverse_root,
-    undetermined,
-)
+from hil.least_squares.solving import IDENTIFIABLE, eliminated, inverse, inverse_root, undetermined
 from hil.model.base_parameters import base_parameters
 from hil.model.dynamics import regressor
 from hil.planning.measurement import ELEMENT_KINDS, element_measurements
@@ -175,11 +169,7 @@ def _torque_rows(robot: Robot, chosen: Sequence[ElementMeasurement]) -> Array:
 
 
 def _judge(
-    group: str,
-    names: tuple[str, ...],
-    n_rows: int,
-    N: Array,
-    size: Array | None = None,
+    group: str, names: tuple[str, ...], n_rows: int, N: Array, size: Array | None = None
 ) -> Identifiability:
     n = len(names)
     if not n_rows:
