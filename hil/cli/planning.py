@@ -57,7 +57,9 @@ def dry_run_(
         result = dry_run(the_plan, the_robot, drives=drives_file, bitrate=bitrate)
     plan_view.render(result, the_robot)
     if page is not None:
-        viewing.write(page, viewing.scene_of_plan(the_plan, the_robot))
+        from hil.view.scene import plan_scene
+
+        viewing.write(page, partial(plan_scene, the_plan, the_robot))
     refuse_problems(result, plan_file)
     if result.groups:
         from hil.estimation.excluded.foreseen import foreseen

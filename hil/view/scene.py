@@ -286,9 +286,12 @@ class Scene:
 
 
 def robot_scene(
-    robot: Robot, workspace: Workspace | None = None, visuals: Sequence[Visual] = ()
+    robot: Robot,
+    workspace: Workspace | None = None,
+    _most: int = 0,
+    visuals: Sequence[Visual] = (),
 ) -> Scene:
-    """Create the scene of a robot with adjustable joints."""
+    """Create the scene of a robot with adjustable joints, without instants."""
     return Scene(
         title=f"{robot.name}: {robot.n_joints} joints",
         robot=robot,
