@@ -66,7 +66,6 @@ from hil.model.base_parameters import base_parameters
 from hil.planning.free_motion import FreeMotion
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
 
     from hil.estimation.back_and_forth.halves import Halves
     from hil.estimation.free_motion.gathering import Gathered
@@ -114,13 +113,9 @@ def fit_free_motions(
         return estimate_from(robot, name, variant.solver, gathered, options)
     rates = gather_rates(robot, recorded, variant, options)
     fastest = estimate_from(robot, name, variant.solver, rates[0], options)
-    return fastest if len(rates) == 1 else _combine_rates(robot, fastest, rates, options)
-
-
-def _combine_rates(
-    robot: Robot, fastest: Estimate, rates: Sequence[Gathered], options: Options
-) -> Estimate:
-    """Estimate from recordings of several rates, with friction and settings of the fastest."""
+    if len(rates) == 1:
+        return fastest
+    # recordings of several rates together, with friction and settings of the fastest
     names = base_parameters(robot).names
     joint, n = balance(rate_regressions(rates), names).whole, len(names)
     fit = joint.regression.fit(options.covariance, joint.cells)

@@ -236,30 +236,22 @@ def gather_rates(
     """Condense recordings separately by sampling rate, fastest first.
 
     A filter designed for one rate removes signal at another rate, or passes noise. Parameters and
-    errors are those of `gather`.
+    errors are those of `gather`. An unknown gain is common to all recordings, so there is one rate.
     """
-    rates = _divide_by_rate(free_motions(recorded))
-    return [gather(robot, each, variant, options, p=p) for each in rates]
-
-
-def _divide_by_rate(motions: Iterable[tuple[FreeMotion, Recording]]) -> list[Recorded]:
-    """Divide recordings by sampling rate, unless gains are unknown.
-
-    An unknown gain is common to all recordings.
-    """
-    firsts: list[float] = []
+    motions, firsts = free_motions(recorded), list[float]()
     for motion, recording in motions:
         if motion.unknown_gains:
-            return [motions]
+            return [gather(robot, motions, variant, options, p=p)]
         firsts.append(recording.period)
     firsts.sort()
     # largest ratio of sampling periods within a rate: the filter depends on the rate, and the rates
     # of equal clocks differ by less
     limits = [b for a, b in pairwise(firsts) if b > 1.5 * a]
-    return [
+    rates = (
         Selected(motions, lambda _, each, a=a, b=b: a <= each.period < b)  # type: ignore[misc]
         for a, b in pairwise([0.0, *limits, np.inf])
-    ]
+    )
+    return [gather(robot, each, variant, options, p=p) for each in rates]
 
 
 def rate_regressions(gathered: Sequence[Gathered]) -> list[Kind]:

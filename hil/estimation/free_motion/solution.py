@@ -151,7 +151,7 @@ def solve(
 def settled(
     robot: Robot, pieces: Regression, fit: Fit, configurations: Array | None, prior: Prior | None
 ) -> Solution:
-    """Complete a fit by a prior, then by a positive mass matrix at `configurations`."""
+    """Complete a fit by a prior, errors of unusual offsets, and a positive mass matrix."""
     share, n, N = None, len(base_parameters(robot)), pieces.normal.information
     wide = open_covariance(robot, N)
     lost = np.flatnonzero(np.diag(wide)[:n])
@@ -167,10 +167,22 @@ def settled(
         lost = lost[~prior.predict(robot)[1][lost].any(axis=1)]
     if len(lost) == n:  # combinations of all: as many names as there are combinations
         lost = lost[_independent(wide[np.ix_(fit.kept[lost], fit.kept[lost])])]
-    found = Solution(fit)
-    if configurations is not None:
-        found = _possible(robot, pieces, fit, configurations, wide)
-    return replace(found, prior_share=share, lost=tuple(lost.tolist()))
+    if configurations is None:
+        return Solution(fit, prior_share=share, lost=tuple(lost.tolist()))
+    # The move minimises the increase of the torque residuals: its metric is that of the normal
+    # equations. If a residual grows by more than `MATERIAL` on any axis, the model has another
+    # error, and the parameters stay unchanged.
+    metric = embedded(inverse(pieces.normal.information), fit.kept, len(fit.x)) + wide
+    covariance, unusual = enlarge_covariance(
+        fit.x, fit.covariance, metric, fit.layout, fit.degrees_of_freedom, weight_in_offset(robot)
+    )
+    nearest = nearest_positive(robot, fit.x, metric, configurations)
+    error = np.sqrt(np.maximum(np.diag(covariance), np.finfo(float).tiny))
+    moved = float(np.abs((nearest - fit.x) / error)[fit.kept].max(initial=0.0))
+    before, after = (pieces.blocks.mean_squares(x) for x in (fit.x, nearest))
+    possible = bool(np.all(after <= (1.0 + MATERIAL) ** 2 * before))
+    fit = replace(fit, x=nearest if possible else fit.x, covariance=covariance)
+    return Solution(fit, moved, possible, tuple(unusual), share, tuple(lost.tolist()))
 
 
 def _independent(covariance: Array) -> Indices:
@@ -234,29 +246,6 @@ def _completed(robot: Robot, pieces: Regression, fit: Fit, prior: Prior) -> tupl
     return replace(
         fit, x=fit.x + T @ (p - fit.x[:n]), covariance=fit.covariance + T @ change @ T.T
     ), share
-
-
-def _possible(
-    robot: Robot, pieces: Regression, fit: Fit, configurations: Array, wide: Array
-) -> Solution:
-    """Enlarge unusual offsets' errors, and make the mass matrix positive if possible.
-
-    The move minimises the increase of the torque residuals: its metric is that of the normal
-    equations. If a residual grows by more than `MATERIAL` on any axis, the model has another error,
-    and the parameters stay unchanged.
-    """
-    metric = embedded(inverse(pieces.normal.information), fit.kept, len(fit.x)) + wide
-    covariance, unusual = enlarge_covariance(
-        fit.x, fit.covariance, metric, fit.layout, fit.degrees_of_freedom, weight_in_offset(robot)
-    )
-    nearest = nearest_positive(robot, fit.x, metric, configurations)
-    error = np.sqrt(np.maximum(np.diag(covariance), np.finfo(float).tiny))
-    moved = float(np.abs((nearest - fit.x) / error)[fit.kept].max(initial=0.0))
-    before, after = (pieces.blocks.mean_squares(x) for x in (fit.x, nearest))
-    possible = bool(np.all(after <= (1.0 + MATERIAL) ** 2 * before))
-    x = nearest if possible else fit.x
-    fit = replace(fit, x=x, covariance=covariance)
-    return Solution(fit, moved, possible, tuple(unusual))
 
 
 def require_determined(robot: Robot, pieces: Regression, still: Sequence[int]) -> None:
