@@ -66,7 +66,6 @@ from hil.model.base_parameters import base_parameters
 from hil.planning.free_motion import FreeMotion
 
 if TYPE_CHECKING:
-
     from hil.estimation.back_and_forth.halves import Halves
     from hil.estimation.free_motion.gathering import Gathered
     from hil.estimation.free_motion.solution import FreeSolver, Solution

@@ -14,9 +14,14 @@ import numpy as np
 
 from hil.errors import NotEnoughData
 from hil.estimation.free_motion.accumulation import division, recorded_products, too_short
-from hil.estimation.free_motion.choice import choose, classical_choice, covariance_of_choices, usual
+from hil.estimation.free_motion.choice import (
+    choose,
+    classical_choice,
+    covariance_of_choices,
+    held_axes,
+    usual,
+)
 from hil.estimation.free_motion.drift import Drift, find_drift
-from hil.estimation.free_motion.held import held_axes
 from hil.estimation.free_motion.motion import filtered_motion
 from hil.estimation.free_motion.nuisances import find_nuisances
 from hil.estimation.free_motion.scaling import (

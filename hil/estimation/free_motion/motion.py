@@ -177,7 +177,7 @@ class Processing:
     rest : ndarray, shape (n_joints,), optional
         Positions of axes at rest [rad or m], NaN for the others; by default none rests.
     held : tuple of int
-        Axes at rest, from 0, whose torque is not used (`hil.estimation.free_motion.held`).
+        Axes at rest, from 0, whose torque is not used (`hil.estimation.free_motion.choice`).
     """
 
     cut_off: float
