@@ -153,7 +153,17 @@ def examine(robot: Robot, prepared: Prepared) -> ModelErrors:
             shown[name] = u
         elif name not in robot.ties:
             absorbed.append(name)
-    candidates, unmeasured = _grouped(measured, stated, shown)
+    # distinguishable candidates, and names of unidentifiable parameters
+    names, U = list(shown), np.array(list(shown.values())).T.reshape(len(stated), -1)
+    kept_out, total = measured.information(stated, U)
+    seen = np.diag(kept_out) > _SEEN * np.diag(total)
+    alike = np.abs(correlation_of(kept_out)) > ALIKE
+    groups: dict[int, list[int]] = {}
+    for k in np.flatnonzero(seen):
+        first = next((g for g in groups if alike[g, k]), int(k))
+        groups.setdefault(first, []).append(int(k))
+    candidates = {tuple(names[k] for k in members): U[:, g] for g, members in groups.items()}
+    unmeasured = tuple(name for name, k in zip(names, seen, strict=True) if not k)
     threshold = SIGNIFICANCE / max(len(candidates), 1)
     alone = _tested(measured, stated, candidates)
     found: list[Candidate] = []
@@ -201,22 +211,6 @@ class _Measured(NamedTuple):
         x, covariance, degrees = leave_one_out(basis.T @ self.shares @ basis, self.sides @ basis)
         error = np.sqrt(np.diag(covariance))
         return x, error, np.asarray(2 * special.stdtr(degrees, -np.abs(x) / error))
-
-
-def _grouped(
-    measured: _Measured, stated: Array, absent: dict[str, Array]
-) -> tuple[dict[tuple[str, ...], Array], tuple[str, ...]]:
-    """Return distinguishable candidates, and names of unidentifiable parameters."""
-    names, U = list(absent), np.array(list(absent.values())).T.reshape(len(stated), -1)
-    beside, whole = measured.information(stated, U)
-    seen = np.diag(beside) > _SEEN * np.diag(whole)
-    alike = np.abs(correlation_of(beside)) > ALIKE
-    groups: dict[int, list[int]] = {}
-    for k in np.flatnonzero(seen):
-        first = next((g for g in groups if alike[g, k]), int(k))
-        groups.setdefault(first, []).append(int(k))
-    candidates = {tuple(names[k] for k in members): U[:, g] for g, members in groups.items()}
-    return candidates, tuple(name for name, k in zip(names, seen, strict=True) if not k)
 
 
 def _tested(
