@@ -269,7 +269,18 @@ def require_determined(robot: Robot, pieces: Regression, still: Sequence[int]) -
     rest = [k for k in range(len(N)) if k not in rotors]
     open_ = [rest[k] for k in _open(N[np.ix_(rest, rest)], len(base) - len(rotors))]
     beside = [k for k in lost if k not in open_]
-    reasons = [_explain_slide(base, beside, axis, column) for column, axis in rotors.items()]
+    # With the component g of gravity along a slide of constant direction, the force is m (qdd + g)
+    # + Ia qdd + offset: Ia may have any value, with m smaller by Ia and the offset larger by g Ia.
+    reasons = [
+        f"the rotor inertia of axis {axis + 1} ({base.names[column]}) cannot be distinguished "
+        f"from the moved mass (in {_listed(base, [k for k in beside if k != column])}): on a "
+        "prismatic axis gravity is a constant force, like the offset of friction. State the "
+        f"rotor_inertia of joint {axis + 1} in the robot file (such as robot.yaml in the run "
+        "folder), as in drive: {gear_ratio: 1, rotor_inertia: 0, torque_constant: unknown}. With 0 "
+        "the mass includes the rotor inertia, and the offset includes the weight; torques stay the "
+        "same"
+        for column, axis in rotors.items()
+    ]
     if len(open_) == len(lost) - len(rotors):
         reasons, open_ = [], lost
     if open_ and not still:
@@ -290,20 +301,3 @@ def _open(N: Array, n: int, rank: float = RANK) -> list[int]:
 
 def _listed(base: BaseParameters, columns: Sequence[int]) -> str:
     return ", ".join(base.names[column] for column in columns)
-
-
-def _explain_slide(base: BaseParameters, lost: Sequence[int], axis: int, column: int) -> str:
-    """Explain why rotor inertia and moved mass of a slide cannot be separated.
-
-    With the component g of gravity along a slide of constant direction, the force is m (qdd + g) +
-    Ia qdd + offset: Ia may have any value, with m smaller by Ia and the offset larger by g Ia.
-    """
-    others = [k for k in lost if k != column]
-    return (
-        f"the rotor inertia of axis {axis + 1} ({base.names[column]}) cannot be distinguished "
-        f"from the moved mass (in {_listed(base, others)}): on a prismatic axis gravity is a "
-        "constant force, like the offset of friction. State the rotor_inertia of joint "
-        f"{axis + 1} in the robot file (such as robot.yaml in the run folder), as in drive: "
-        "{gear_ratio: 1, rotor_inertia: 0, torque_constant: unknown}. With 0 the mass includes "
-        "the rotor inertia, and the offset includes the weight; torques stay the same"
-    )

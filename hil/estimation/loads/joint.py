@@ -395,23 +395,11 @@ def fit_load(
             wanted = list(range(robot.n_joints)) if gains else sorted(unknown)
             joint = _determined(robot, runs, terms, mass, wanted)
             change = terms.known + terms.columns @ joint.values("load")
-    return _described(joint, wanted, mass, known, free, covariance)
-
-
-def _described(
-    joint: JointRuns,
-    wanted: list[int],
-    mass: float | None,
-    known: Array,
-    free: Array,
-    covariance: Covariance,
-) -> Load:
-    load = load_columns(joint.robot)
-    base, at, gains = (joint.places(kind) for kind in ("base", "load", "gain"))
+    base, at, scale = (joint.places(kind) for kind in ("base", "load", "gain"))
     V, degrees = joint.uncertainty(covariance)
-    errors = np.zeros(joint.robot.n_joints)
+    errors = np.zeros(robot.n_joints)
     errors[wanted] = np.inf
-    errors[joint.axes] = np.sqrt(np.diag(V)[gains])
+    errors[joint.axes] = np.sqrt(np.diag(V)[scale])
     lost = joint.undetermined("load")
     seen = np.where(lost, 0.0, 1.0)
     of_base = V[np.ix_(base, base)]
