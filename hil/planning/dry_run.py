@@ -203,7 +203,17 @@ def _check(number: int, measurement: Measurement, robot: Robot, period: float) -
     yield from _check_profile(here, measurement.id, measurement, robot)
     for partner in measurement.partners:
         yield from _check_profile((*here, "partner"), measurement.id, partner, robot)
-    yield from _check_window((*here, "stroke"), measurement, robot)
+    cruise, lacking = measurement.cruise, measurement.lacking
+    if cruise is not None and lacking:
+        unit = robot.position_unit(measurement.index)
+        length = measurement.stroke + lacking * measurement.velocity
+        yield Problem(
+            (*here, "stroke"),
+            f"{measurement.id}: {measurement.stroke:g} {unit} leaves"
+            f" {cruise.duration - lacking:.3g} s of {cruise.purpose}, must be at least"
+            f" {cruise.duration:.3g} s; lengthen the stroke to {length:.3g} {unit} or lower the"
+            " velocity",
+        )
 
 
 def _check_profile(
@@ -218,23 +228,6 @@ def _check_profile(
                 f"{where}: {value:g} {unit}{per} is above the limit of joint {index + 1}, {limit:g}"
                 f" {unit}{per}; {_remedy(unit, value, -limit, limit, 'plan a lower one')}",
             )
-
-
-def _check_window(
-    here: tuple[str | int, ...], measurement: Strokes, robot: Robot
-) -> Iterator[Problem]:
-    """Report a stroke too short for constant velocity or for the partner's strokes."""
-    cruise, lacking = measurement.cruise, measurement.lacking
-    if cruise is None or not lacking:
-        return
-    unit = robot.position_unit(measurement.index)
-    length = measurement.stroke + lacking * measurement.velocity
-    yield Problem(
-        here,
-        f"{measurement.id}: {measurement.stroke:g} {unit} leaves {cruise.duration - lacking:.3g} s"
-        f" of {cruise.purpose}, must be at least {cruise.duration:.3g} s; lengthen the stroke to"
-        f" {length:.3g} {unit} or lower the velocity",
-    )
 
 
 def _remedy(unit: str, value: float, low: float, high: float, remedy: str) -> str:
