@@ -28,7 +28,18 @@ def main() -> None:
     """Entry point of ``hil`` and ``python -m hil``."""
     if signal.getsignal(signal.SIGINT) is not signal.SIG_IGN:
         signal.signal(signal.SIGINT, _leave)
-    _keep_streams()
+    # make output streams accept any text, even if closed, unread, or limited to ASCII
+    for number, name in STREAMS.items():
+        stream = getattr(sys, name)
+        if stream is None:  # closed by the caller; the next opened file would get its number
+            _discard(number)
+        kept = io.TextIOWrapper(
+            io.BufferedWriter(_Patient(number, "w", closefd=False)),
+            encoding="utf-8" if stream is None else stream.encoding,
+            errors="replace",
+            line_buffering=stream is not None and (stream.line_buffering or number == 2),
+        )
+        setattr(sys, name, kept)
     # matrices are small here: threads would wait for one another, at a third more processor time
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
     # by default Python collects garbage after 700 new objects: loading and estimating then spend a
@@ -45,7 +56,12 @@ def main() -> None:
         # An interrupt of code that a library generated stays noted in the interpreter, which would
         # end by that signal instead of with our status; running any generated code clears the note.
         exec("")  # noqa: S102
-        _flush()
+        # write buffered output, or discard it if the stream is broken
+        for stream in (sys.stdout, sys.stderr):
+            try:
+                stream.flush()
+            except OSError:
+                _discard(stream.fileno())
 
 
 class _Patient(io.FileIO):
@@ -58,21 +74,6 @@ class _Patient(io.FileIO):
         except BrokenPipeError:
             _discard(self.fileno())
             return len(content)
-
-
-def _keep_streams() -> None:
-    """Make output streams accept any text, even if closed, unread, or limited to ASCII."""
-    for number, name in STREAMS.items():
-        stream = getattr(sys, name)
-        if stream is None:  # closed by the caller; the next opened file would get its number
-            _discard(number)
-        kept = io.TextIOWrapper(
-            io.BufferedWriter(_Patient(number, "w", closefd=False)),
-            encoding="utf-8" if stream is None else stream.encoding,
-            errors="replace",
-            line_buffering=stream is not None and (stream.line_buffering or number == 2),
-        )
-        setattr(sys, name, kept)
 
 
 def _discard(number: int) -> None:
@@ -88,15 +89,6 @@ def _leave(number: int, frame: FrameType | None) -> None:
     if os.isatty(1):
         os.write(1, CLEARED)
     os._exit(STATUS)
-
-
-def _flush() -> None:
-    """Write buffered output, or discard it if the stream is broken."""
-    for stream in (sys.stdout, sys.stderr):
-        try:
-            stream.flush()
-        except OSError:
-            _discard(stream.fileno())
 
 
 if __name__ == "__main__":

@@ -99,7 +99,19 @@ def equip(command: Any, path: str) -> Any:
     if hasattr(command, "commands"):
         return command
     command.params += _common_options()
-    _write_json_after(command, path)
+    # make a command write the JSON results at the end, successful or not
+    invoke = command.invoke
+
+    def invoked(context: Any) -> Any:
+        try:
+            done = invoke(context)
+        except (typer.Exit, SystemExit):
+            _write_json(path)
+            raise
+        _write_json(path)
+        return done
+
+    command.invoke = invoked
     return command
 
 
@@ -145,22 +157,6 @@ def _common_options() -> list[Any]:
     ) -> None: ...
 
     return [each for each in typer.main.get_command(made).params if each.name != "help"]
-
-
-def _write_json_after(command: Any, path: str) -> None:
-    """Make a command write the JSON results at the end, successful or not."""
-    invoke = command.invoke
-
-    def invoked(context: Any) -> Any:
-        try:
-            done = invoke(context)
-        except (typer.Exit, SystemExit):
-            _write_json(path)
-            raise
-        _write_json(path)
-        return done
-
-    command.invoke = invoked
 
 
 def _write_json(path: str) -> None:

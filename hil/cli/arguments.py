@@ -123,8 +123,7 @@ Without = Annotated[
     ),
 ]
 Workers = Annotated[
-    int | None,
-    typer.Option(min=1, help="Maximum number of parallel processes on this machine."),
+    int | None, typer.Option(min=1, help="Maximum number of parallel processes on this machine.")
 ]
 LOCAL = "local"
 Scheduler = Annotated[
@@ -148,9 +147,7 @@ ModelPath = Annotated[
 RobotOption = Annotated[
     str | None,
     typer.Option(
-        "--robot",
-        help="Robot file in place of the path stated in the plan.",
-        autocompletion=robots,
+        "--robot", help="Robot file in place of the path stated in the plan.", autocompletion=robots
     ),
 ]
 WorkspaceOption = Annotated[
@@ -193,8 +190,7 @@ Yes = Annotated[
     bool, typer.Option("--yes", help="Consent to motion beforehand; no question is asked.")
 ]
 RealTime = Annotated[
-    bool,
-    typer.Option("--realtime", help="Use real-time scheduling, as far as the system permits."),
+    bool, typer.Option("--realtime", help="Use real-time scheduling, as far as the system permits.")
 ]
 
 
@@ -260,8 +256,7 @@ class RobotsBus:
     drives_file: RobotsDrives = None
     bus_option: BusOptions = None
     pacing: Annotated[
-        Pacing,
-        typer.Option(help="Clock of SYNC: this computer, or the virtual plant (lock-step)."),
+        Pacing, typer.Option(help="Clock of SYNC: this computer, or the virtual plant (lock-step).")
     ] = "auto"
 
 

@@ -58,8 +58,7 @@ def track(
     *,
     where: RobotsBus,
     resume: Annotated[
-        bool,
-        typer.Option("--resume", help="Continue a stopped comparison with its missing runs."),
+        bool, typer.Option("--resume", help="Continue a stopped comparison with its missing runs.")
     ] = False,
     delay: Annotated[
         float,
@@ -137,8 +136,7 @@ def watch(
         int | None, typer.Option(min=1, max=100_000, help="Number of times to repeat the plan.")
     ] = None,
     hours: Annotated[
-        float | None,
-        typer.Option(min=0, max=1000, help="Time for which to repeat the plan \\[h]."),
+        float | None, typer.Option(min=0, max=1000, help="Time for which to repeat the plan \\[h].")
     ] = None,
     learn: Annotated[
         float | None,

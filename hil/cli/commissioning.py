@@ -169,9 +169,7 @@ def check(
     jitter_time: Annotated[
         float,
         typer.Option(
-            min=0,
-            max=600,
-            help="Measuring time for this computer's wake-up jitter \\[s].",
+            min=0, max=600, help="Measuring time for this computer's wake-up jitter \\[s]."
         ),
     ] = 10.0,
     yes: Yes = False,

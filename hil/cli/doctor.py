@@ -64,7 +64,6 @@ class Readings:
         Name of the operating system.
     socketcan, vcan : bool
         True if the kernel opens CAN sockets, and has the module of virtual interfaces.
-    interfaces : tuple of CanInterface
     administrator : bool
         True if this user may set up interfaces.
     priority : int

@@ -16,14 +16,7 @@ from rich.text import Text
 from drivers.cia402.states import Mode, State, decode_state
 from drivers.drive_bus import DriveRefused, NodeSilent
 from hil.cli import commissioning, monitoring
-from hil.cli.arguments import (
-    PLANT,
-    BitRate,
-    BusOptions,
-    DrivesBus,
-    Interface,
-    refuse_no_channel,
-)
+from hil.cli.arguments import PLANT, BitRate, BusOptions, DrivesBus, Interface, refuse_no_channel
 from hil.cli.outputs import folder_to_write, new_file, output_option, refuse_existing
 from hil.planning import BITRATE
 from hil.runs import SIMULATED
@@ -305,10 +298,7 @@ def _remarks(found: FoundNode) -> Iterator[tuple[str, bool]]:
         text = f"{found.answers} devices have this node number: give each a number of its own"
         yield text, True
     if _state(found.dictionary) == State.OPERATION_ENABLED.value.lower():
-        yield (
-            "is powered and may move: another master controls it; stop that master first",
-            False,
-        )
+        yield ("is powered and may move: another master controls it; stop that master first", False)
     if found.review is not None:
         yield from ((str(finding), finding.fatal) for finding in found.review.findings)
         return

@@ -1,4 +1,4 @@
-"""Examples of the commands, shown below the help; a test parses them."""
+"""Examples of the commands, shown below the help and parsed by a test."""
 
 from __future__ import annotations
 

@@ -45,8 +45,7 @@ def import_(
         ),
     ] = None,
     draft: Annotated[
-        Path | None,
-        typer.Option("--draft", help="Recording to draft a first map from."),
+        Path | None, typer.Option("--draft", help="Recording to draft a first map from.")
     ] = None,
     robot: Annotated[
         str | None,
@@ -187,24 +186,28 @@ def export(
     ] = None,
     without: Without = None,
     force: Annotated[
-        bool,
-        typer.Option("--force", help="Export the model of a failed identification, too."),
+        bool, typer.Option("--force", help="Export the model of a failed identification, too.")
     ] = False,
 ) -> None:
     """Export an identified model, or the recordings of a run, to other tools."""
+    from checked_files.yaml_file import FileError
     from hil.export.formats import RECORDINGS, SIMULATORS, refuse_unknown
 
     refuse_unknown(to)
     if to in RECORDINGS:
-        _refuse(
-            to,
-            urdf=None if to == "mcap" else urdf,
-            patch=patch,
-            mass=masses,
-            force=force,
-            watch=watch,
-        )
-        paths = _write_recordings(source, to, output, urdf, without)
+        stated = None if to == "mcap" else urdf
+        _refuse(to, urdf=stated, patch=patch, mass=masses, force=force, watch=watch)
+        if source.is_file():
+            raise FileError(
+                f"{source}: is a file, but format {to} holds the recordings of a run; name the"
+                " folder of the run"
+            )
+        with working("reading the run") as now:
+            from hil.runs.run import Run
+            from hil.tasks.exporting import exported_recordings
+
+            run = Run.open(source).exclude(without or ())
+            paths = exported_recordings(run, to, output, urdf, lambda name: now(f"writing {name}"))
     elif to not in SIMULATORS and (urdf or patch or masses):
         raise typer.BadParameter(
             f"--urdf, --patch and --mass are for formats with rigid bodies, not for {to}; use "
@@ -213,7 +216,29 @@ def export(
         )
     else:
         _refuse(to, without=without)
-        paths = _write_model(source, to, output, urdf, patch, masses, watch, force)
+        with working("reading the model") as now:
+            from hil.cli.results import show_bodies
+            from hil.export.exported import cautions, passed, validations, write_exported
+            from hil.results.model import Model
+            from hil.tasks.exporting import exported_model
+
+            model = Model.load(source)
+            if model.failed and not force:
+                text = f"the model's identification {model.verdict}; --force exports it with"
+                sys.stderr.write(shown(f"{source}: {text} FAILED on top of every file\n"))
+                raise typer.Exit(Status.REFUSED)
+            now(f"writing the model as {to}")
+            bounds = body_bounds(masses) if masses else None
+            model, exported = exported_model(model, to, source, urdf, bounds, patch, watch)
+            if to in SIMULATORS:
+                show_bodies(model)
+            paths = write_exported(exported, output)
+        for line in cautions(model):
+            say(line, style="bold red" if model.failed else "yellow")
+        for line in validations(model, source):
+            say(line, style=None if passed(model) else "yellow")
+        for remark in exported.remarks:
+            say(remark)
     for path in paths:
         say(f"written: {path}")
 
@@ -225,57 +250,3 @@ def _refuse(to: str, **given: object) -> None:
             raise typer.BadParameter(
                 f"not applicable to {to}; omit the option", param_hint=f"--{name}"
             )
-
-
-def _write_model(
-    source: Path,
-    to: str,
-    output: Path,
-    urdf: Path | None,
-    patch: Path | None,
-    masses: list[str] | None,
-    watch: Path | None,
-    force: bool,
-) -> tuple[Path, ...]:
-    with working("reading the model") as now:
-        from hil.cli.results import show_bodies
-        from hil.export.exported import cautions, passed, validations, write_exported
-        from hil.export.formats import SIMULATORS
-        from hil.results.model import Model
-        from hil.tasks.exporting import exported_model
-
-        model = Model.load(source)
-        if model.failed and not force:
-            text = f"the model's identification {model.verdict}; --force exports it with"
-            sys.stderr.write(shown(f"{source}: {text} FAILED on top of every file\n"))
-            raise typer.Exit(Status.REFUSED)
-        now(f"writing the model as {to}")
-        bounds = body_bounds(masses) if masses else None
-        model, exported = exported_model(model, to, source, urdf, bounds, patch, watch)
-        if to in SIMULATORS:
-            show_bodies(model)
-        paths = write_exported(exported, output)
-    for line in cautions(model):
-        say(line, style="bold red" if model.failed else "yellow")
-    for line in validations(model, source):
-        say(line, style=None if passed(model) else "yellow")
-    for remark in exported.remarks:
-        say(remark)
-    return paths
-
-
-def _write_recordings(
-    source: Path, to: str, output: Path, urdf: Path | None, without: list[str] | None
-) -> tuple[Path, ...]:
-    with working("reading the run") as now:
-        from checked_files.yaml_file import FileError
-        from hil.runs.run import Run
-        from hil.tasks.exporting import exported_recordings
-
-        if source.is_file():
-            raise FileError(
-                f"{source}: is a file, but format {to} holds the recordings of a run; name the"
-                " folder of the run"
-            )
-        run = Run.open(source).exclude(without or ())
-        return exported_recordings(run, to, output, urdf, lambda name: now(f"writing {name}"))

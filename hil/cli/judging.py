@@ -330,11 +330,7 @@ def index(
 @fleet_commands.command()
 def identify(
     folders: Annotated[
-        list[Path],
-        typer.Argument(
-            metavar="FOLDER",
-            help="Folders with run folders at any depth.",
-        ),
+        list[Path], typer.Argument(metavar="FOLDER", help="Folders with run folders at any depth.")
     ],
     workers: Workers = None,
     scheduler: Scheduler = None,

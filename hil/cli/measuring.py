@@ -53,8 +53,7 @@ def run(
     frame_log: Annotated[
         Path | None,
         typer.Option(
-            callback=file_to_write,
-            help="Log of all CAN frames to write: *.asc, *.log or *.blf.",
+            callback=file_to_write, help="Log of all CAN frames to write: *.asc, *.log or *.blf."
         ),
     ] = None,
     robot_file: RobotOption = None,

@@ -29,7 +29,7 @@ if TYPE_CHECKING:
 
     from rich.console import Console
 
-    from drivers.cia402.picture import AxisPicture, Picture
+    from drivers.cia402.picture import Picture
     from drivers.drives_file import AxisDrive, DrivesFile
     from hil.measuring.events import Event
     from hil.model.robot import Robot
@@ -44,11 +44,7 @@ def monitor(
     where: DrivesBus,
     duration: Annotated[
         float | None,
-        typer.Option(
-            "--for",
-            min=0.1,
-            help="Duration of monitoring; unlimited by default \\[s].",
-        ),
+        typer.Option("--for", min=0.1, help="Duration of monitoring; unlimited by default \\[s]."),
     ] = None,
     inputs: Annotated[
         bool,
@@ -69,13 +65,7 @@ def monitor(
         Keys() as keys,
     ):
         picture = bus.picture(drives, inputs=inputs)
-        follow(
-            picture.listen,
-            lambda: _table(picture, drives),
-            keys,
-            out,
-            duration,
-        )
+        follow(picture.listen, lambda: _table(picture, drives), keys, out, duration)
 
 
 def follow(
@@ -130,6 +120,11 @@ def _table(picture: Picture, drives: DrivesFile) -> Table:
     rows = []
     for axis, drive in zip(picture.axes, drives.axes, strict=True):
         silent = time.monotonic() - axis.heard
+        parts = [str(axis.emergency)] if axis.emergency else []
+        if axis.emergencies:
+            parts.append(f"{axis.emergencies} in all")
+        if axis.foreign:
+            parts.append(f"{axis.foreign} TPDOs of unexpected length")
         rows.append(
             (
                 axis.name,
@@ -139,7 +134,7 @@ def _table(picture: Picture, drives: DrivesFile) -> Table:
                 "" if math.isnan(axis.q) else _position(drive, axis.q),
                 "" if math.isnan(axis.tau) else f"{axis.tau:.3g} {drive.effort_unit}",
                 "never" if math.isinf(silent) else f"{silent:.1f} s",
-                Marked(_alarm(axis)),
+                Marked("; ".join(parts)),
             )
         )
     columns: tuple[str | Column, ...] = (
@@ -157,23 +152,8 @@ def _position(drive: AxisDrive, q: float) -> str:
     return f"{1000 * q:.2f} mm" if drive.joint == "prismatic" else f"{math.degrees(q):.2f}°"
 
 
-def _alarm(axis: AxisPicture) -> str:
-    parts = [str(axis.emergency)] if axis.emergency else []
-    if axis.emergencies:
-        parts.append(f"{axis.emergencies} in all")
-    if axis.foreign:
-        parts.append(f"{axis.foreign} TPDOs of unexpected length")
-    return "; ".join(parts)
-
-
 class WatchView:
-    """Display of new alarms, and of all axes' torques on a terminal.
-
-    Parameters
-    ----------
-    watcher : Watcher
-    robot : Robot
-    """
+    """Display of new alarms, and of the axes' torques on a terminal."""
 
     def __init__(self, watcher: Watcher, robot: Robot) -> None:
         self._watcher = watcher

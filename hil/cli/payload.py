@@ -105,8 +105,7 @@ def measure(
         ),
     ] = 3.0,
     mass: Annotated[
-        float | None,
-        typer.Option(min=1e-3, help="Known mass of the load \\[kg]."),
+        float | None, typer.Option(min=1e-3, help="Known mass of the load \\[kg].")
     ] = None,
     at_most: Annotated[
         float | None,

@@ -101,14 +101,14 @@ def render(result: DryRun, robot: Robot) -> None:
     if result.bus:
         say(
             f"bus load {result.bus_load:.1%} at {result.bus.bitrate / 1000:g} kbit/s"
-            f" ({result.bus.frames}; at most {result.bus.most:.0%})",
+            f" ({result.bus.frames}; at most {result.bus.most:.0%})"
         )
     if result.lags:
         lag = max(result.lags, key=lambda each: each.most / each.window)
         say(
             f"axis {lag.axis + 1} lags behind its set-points by up to {lag.most:.2g} "
             f"{robot.position_unit(lag.axis)} in {lag.trajectory}, "
-            f"{lag.most / lag.window:.0%} of the following error window (6065)",
+            f"{lag.most / lag.window:.0%} of the following error window (6065)"
         )
     for axis, planned in result.without_law.items():
         say(
@@ -144,7 +144,7 @@ def render(result: DryRun, robot: Robot) -> None:
                 say(
                     f"{names}: distinguished from an offset or from one another only by "
                     "accelerations, not by gravity torques; condition and rank include all kinds "
-                    "of measurement",
+                    "of measurement"
                 )
 
 
@@ -202,7 +202,7 @@ def _print_precision(
     show(table(title, (*heads, *figures("torque, %"), ""), parts), out)
     say(
         "torque: effect of one standard deviation, as a share of an axis's torque limit; "
-        f"{found.source}",
+        f"{found.source}"
     )
     if imprecise := _join_titles(np.array(base.names)[found.imprecise].tolist(), robot):
         say(

@@ -57,7 +57,9 @@ def dry_run_(
         result = dry_run(the_plan, the_robot, drives=drives_file, bitrate=bitrate)
     plan_view.render(result, the_robot)
     if page is not None:
-        viewing.write(page, viewing.scene_of_plan(the_plan, the_robot))
+        from hil.view.scene import plan_scene
+
+        viewing.write(page, partial(plan_scene, the_plan, the_robot))
     refuse_problems(result, plan_file)
     if result.groups:
         from hil.estimation.excluded.foreseen import foreseen
@@ -130,8 +132,7 @@ def plan(
         ),
     ] = None,
     warm_up: Annotated[
-        float,
-        typer.Option(min=0, max=LONGEST, help="Duration of motion before measuring \\[s]."),
+        float, typer.Option(min=0, max=LONGEST, help="Duration of motion before measuring \\[s].")
     ] = 0.0,
     workspace: PlanWorkspace = None,
     refine: Annotated[
@@ -144,16 +145,13 @@ def plan(
         ),
     ] = None,
     gravity: Annotated[
-        int | None,
-        _count(help="Number of gravity measurements.", show_default="56"),
+        int | None, _count(help="Number of gravity measurements.", show_default="56")
     ] = None,
     inertia: Annotated[
-        int | None,
-        _count(help="Number of inertia measurements.", show_default="80"),
+        int | None, _count(help="Number of inertia measurements.", show_default="80")
     ] = None,
     coupling: Annotated[
-        int | None,
-        _count(help="Number of coupling measurements.", show_default="16"),
+        int | None, _count(help="Number of coupling measurements.", show_default="16")
     ] = None,
     with_trajectories: Annotated[
         bool,
@@ -222,12 +220,10 @@ def plan(
         ),
     ] = None,
     drives: Annotated[
-        Path | None,
-        _trajectory(help="Drives file; the built-in one of the robot by default."),
+        Path | None, _trajectory(help="Drives file; the built-in one of the robot by default.")
     ] = None,
     model: Annotated[
-        Path | None,
-        _load(help="Identified run without the load.", autocompletion=runs),
+        Path | None, _load(help="Identified run without the load.", autocompletion=runs)
     ] = None,
     at_most: Annotated[
         float | None, _load(min=1e-3, help="Maximum payload mass, to be held in all poses \\[kg].")

@@ -21,8 +21,6 @@ from hil.cli.outputs import (
 from hil.terminal.console import give, say, working
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
-
     from hil.estimation.options import Options
     from hil.results.model import Model
     from hil.runs.run import Run
@@ -102,7 +100,7 @@ def identify(
         from hil.results.findings import identify_and_keep
         from hil.results.tables import excluded
         from hil.results.tables.friction import symmetry
-        from hil.runs.pooling import open_runs, pooled
+        from hil.runs.pooling import Pooled, open_runs, pooled
         from hil.show.rounding import count
 
         refuse_unknown(method)
@@ -121,8 +119,11 @@ def identify(
         now(f"estimating {run.robot.name} from {recorded}")
         found = identify_and_keep(run, method, more, options=options).model
         if refine:
+            from hil.simulation.refine import refine as refined
+
             now("fitting simulated to recorded positions")
-            found = _refined(found, [run, *more], options)
+            every = Pooled([run, *more])
+            found = identification.rejudged(refined(found, every), every, options)
         if consistent or masses:
             from hil.results.consistency import find_consistent_robot
 
@@ -131,13 +132,12 @@ def identify(
         found.save(path)
     say_verdicts(found.verdict.verdicts if found.verdict else ())
     say_simulated(run, *more)
-    show(found.summary())
-    show(symmetry(judge_local_values(found.local)))
+    show(found.summary(), symmetry(judge_local_values(found.local)))
     if found.excluded is not None:
         tested = excluded.excluded(found.excluded, found.robot.n_joints)
         show(tested, *excluded.sentences(found.excluded))
-    budget = found.error_budget
-    show(budget_table(budget), *(f"{term.cause}: {term.found}" for term in budget))
+    causes = (f"{term.cause}: {term.found}" for term in found.error_budget)
+    show(budget_table(found.error_budget), *causes)
     show_bodies(found)
     for each in (run, *more):
         _show_shortfall(each)
@@ -145,16 +145,6 @@ def identify(
     say(f"model in {path} ({perf_counter() - begun:.1f} s)")
     if found.failed:
         raise typer.Exit(Status.REFUSED)
-
-
-def _refined(model: Model, runs: Sequence[Run], options: Options) -> Model:
-    """Return the model refined by simulation, judged anew."""
-    from hil.results.identification import rejudged
-    from hil.runs.pooling import Pooled
-    from hil.simulation.refine import refine
-
-    every = Pooled(runs)
-    return rejudged(refine(model, every), every, options)
 
 
 def options_of(prior: str | None, urdf: Path | None, run: Run) -> Options:
@@ -252,10 +242,7 @@ def friction(
     folder: RunPath,
     model: Annotated[
         Path | None,
-        typer.Option(
-            help="Identified run, whose model compensates gravity.",
-            autocompletion=runs,
-        ),
+        typer.Option(help="Identified run, whose model compensates gravity.", autocompletion=runs),
     ] = None,
     asymmetry: Annotated[
         float | None,

@@ -52,8 +52,7 @@ def new(
         typer.Option("--mdh", help="Table of modified Denavit-Hartenberg parameters; CSV or YAML."),
     ] = None,
     base: Annotated[
-        str | None,
-        typer.Option("--from", help="Base link; the root by default."),
+        str | None, typer.Option("--from", help="Base link; the root by default.")
     ] = None,
     tip: Annotated[
         str | None,

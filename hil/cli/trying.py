@@ -201,14 +201,7 @@ class _TimeUp(Exception):
     """End of the available time, between two motions."""
 
 
-def _push(
-    robot: Robot,
-    model: Model,
-    folder: Path,
-    feed: Feed,
-    hand: str,
-    ends: float,
-) -> str:
+def _push(robot: Robot, model: Model, folder: Path, feed: Feed, hand: str, ends: float) -> str:
     """Watch the arm while it can be pushed; return residual on the new motion, and pushes.
 
     Thresholds are learned faster than in real time. Afterwards no motion starts later than `ends`

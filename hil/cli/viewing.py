@@ -16,8 +16,6 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
 
     from hil.model.robot import Robot
-    from hil.planning.plan import Plan
-    from hil.results.model import Model
     from hil.view.scene import Scene
     from hil.view.visuals import Visual
 
@@ -54,8 +52,7 @@ def view(
         ),
     ] = None,
     urdf: Annotated[
-        Path | None,
-        typer.Option("--urdf", help="URDF of the robot, for its visual meshes."),
+        Path | None, typer.Option("--urdf", help="URDF of the robot, for its visual meshes.")
     ] = None,
     meshes: Annotated[
         Path | None,
@@ -66,26 +63,42 @@ def view(
 ) -> None:
     """Write a 3-D page of a plan, a run or a robot; one HTML file."""
     path = Path(what)
-    if path.is_dir():
+    is_run, is_plan = path.is_dir(), _is_plan(path)
+    if is_run:
         _refuse(robot_file, "--robot", "a run, which has its own robot file")
         _refuse(workspace, "--workspace", "a run, which has its own workspace")
-        read, page = partial(_read_run, path, model_path, urdf, meshes), path / RUN_PAGE
-    elif _is_plan(path):
-        read = partial(_read_plan, path, robot_file, workspace, model_path, urdf, meshes)
-        page = page_of_plan(path)
-    else:
+    elif not is_plan:
         _refuse(robot_file, "--robot", "a robot")
         _refuse(model_path, "--model", "a robot without motion")
-        read, page = partial(_read_robot, what, workspace, urdf, meshes), Path(f"{path.stem}.html")
-    refuse_page(output or page)
+    beside = path.with_suffix(".html") if is_plan else Path(f"{path.stem}.html")
+    page = output or (path / RUN_PAGE if is_run else beside)
+    refuse_page(page)
     with working(f"reading {what}"):
-        make = read()
-    write(output or page, make)
+        from hil.cli.plan_files import load, load_guard
+        from hil.model.robot import DESCRIPTIONS, Robot
+        from hil.results.model import loaded
+        from hil.results.model_file import NAME
+        from hil.runs.run import Run
+        from hil.view.scene import plan_scene, robot_scene, run_scene
 
-
-def page_of_plan(plan_file: Path) -> Path:
-    """Return the default path of a plan's page."""
-    return plan_file.with_suffix(".html")
+        make: Callable[..., Scene]
+        if is_run:
+            run = Run.open(path)
+            robot, make = run.robot, partial(run_scene, run)
+            if model_path is None and (path / NAME).exists():
+                model_path = path / NAME
+        elif is_plan:
+            plan, robot = load(path, robot_file, workspace)
+            make = partial(plan_scene, plan, robot)
+        else:
+            robot = Robot.load(what)
+            make = partial(robot_scene, robot, load_guard(workspace, robot))
+            if urdf is None and what.lower().endswith(DESCRIPTIONS):
+                urdf = path
+        if model_path is not None:
+            make = partial(make, model=loaded(model_path, robot))
+        make = partial(make, visuals=_visuals(urdf, robot, meshes))
+    write(page, make)
 
 
 def refuse_page(path: Path) -> None:
@@ -104,65 +117,6 @@ def write(path: Path, make: Callable[[int], Scene]) -> None:
 
         size = write_page(path, make)
     say(f"page in {path} ({size / 1e6:.1f} MB)")
-
-
-def scene_of_plan(
-    plan: Plan, robot: Robot, model: Model | None = None, visuals: Sequence[Visual] = ()
-) -> Callable[[int], Scene]:
-    """Return a function from the number of instants to a plan's scene."""
-    from hil.view.scene import plan_scene
-
-    return partial(plan_scene, plan, robot, model=model, visuals=visuals)
-
-
-def _read_plan(
-    path: Path,
-    robot_file: str | None,
-    workspace: Path | None,
-    model_path: Path | None,
-    urdf: Path | None,
-    meshes: Path | None,
-) -> Callable[[int], Scene]:
-    from hil.cli.plan_files import load
-    from hil.results.model import loaded
-
-    plan, robot = load(path, robot_file, workspace)
-    model = loaded(model_path, robot) if model_path else None
-    return scene_of_plan(plan, robot, model, _visuals(urdf, robot, meshes))
-
-
-def _read_run(
-    path: Path, model_path: Path | None, urdf: Path | None, meshes: Path | None
-) -> Callable[[int], Scene]:
-    from hil.results.model import loaded
-    from hil.results.model_file import NAME
-    from hil.runs.run import Run
-    from hil.view.scene import run_scene
-
-    run = Run.open(path)
-    if model_path is None and (path / NAME).exists():
-        model_path = path / NAME
-    model = loaded(model_path, run.robot) if model_path else None
-    return partial(run_scene, run, model=model, visuals=_visuals(urdf, run.robot, meshes))
-
-
-def _read_robot(
-    name: str, workspace: Path | None, urdf: Path | None, meshes: Path | None
-) -> Callable[[int], Scene]:
-    from hil.cli.plan_files import load_guard
-    from hil.model.robot import DESCRIPTIONS, Robot
-    from hil.view.scene import robot_scene
-
-    robot = Robot.load(name)
-    guard = load_guard(workspace, robot)
-    if urdf is None and name.lower().endswith(DESCRIPTIONS):
-        urdf = Path(name)
-    visuals = _visuals(urdf, robot, meshes)
-
-    def make(_most: int) -> Scene:
-        return robot_scene(robot, guard, visuals)
-
-    return make
 
 
 def _visuals(urdf: Path | None, robot: Robot, meshes: Path | None) -> Sequence[Visual]:

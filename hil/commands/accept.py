@@ -97,7 +97,6 @@ class Check(Reservation):
 
     Attributes
     ----------
-    unit : str
     value : float, str or None
         None if the run does not identify the value.
     least, most : float, str or None
@@ -266,7 +265,7 @@ def _rank(value: float | str) -> float:
 
 
 def _rounded(value: float | str | None, least: float | str | None, most: float | None) -> str:
-    """Write a value with one decimal place more than the limits need."""
+    """Write a value with a decimal place more than the limits need."""
     if not isinstance(value, float) or value.is_integer() or isinstance(least, str) or most is None:
         return _text(value)
     return f"{value:.{_decimals(most - (least or 0.0)) + 1}f}"
@@ -300,7 +299,17 @@ def outcome(run: Run, limits: Limits, folder: Path, stated: Mapping[str, str]) -
     with file_errors(folder, "made"):
         folder.mkdir(parents=True, exist_ok=True)
     found, sessions = accept(run, limits), run.journal.sessions
-    write_junit(folder / JUNIT, run.robot.name, sessions[-1].started if sessions else "", found)
+    # write the checks as JUnit XML, a test case per check
+    lost = sum(check.word == "failed" for check in found.checks)
+    counts = {"tests": str(len(found.checks)), "failures": str(lost), "errors": "0"}
+    measured = sessions[-1].started if sessions else ""
+    suite = ET.Element("testsuite", name=run.robot.name, timestamp=measured, attrib=counts)
+    for check in found.checks:
+        case = ET.SubElement(suite, "testcase", classname=run.robot.name, name=check.subject)
+        if check.word == "failed":
+            ET.SubElement(case, "failure", message=check.reason)
+    ET.indent(suite)
+    write_file(folder / JUNIT, ET.tostring(suite, encoding="utf-8", xml_declaration=True) + b"\n")
     axes = next((session.axes for session in sessions if session.axes), ())
     rows = ((axis.name, axis.identity) for axis in axes)
     drives = table("Drives", ("axis", Column("identity", folds=True)), rows)
@@ -316,19 +325,6 @@ def outcome(run: Run, limits: Limits, folder: Path, stated: Mapping[str, str]) -
         simulated=run.journal.simulated,
         played=partial(played, Model.load(run.path), [run]),
     )
-
-
-def write_junit(path: Path, robot: str, measured: str, found: Acceptance) -> None:
-    """Write the checks as JUnit XML, a test case per check."""
-    lost = sum(check.word == "failed" for check in found.checks)
-    counts = {"tests": str(len(found.checks)), "failures": str(lost), "errors": "0"}
-    suite = ET.Element("testsuite", name=robot, timestamp=measured, attrib=counts)
-    for check in found.checks:
-        case = ET.SubElement(suite, "testcase", classname=robot, name=check.subject)
-        if check.word == "failed":
-            ET.SubElement(case, "failure", message=check.reason)
-    ET.indent(suite)
-    write_file(path, ET.tostring(suite, encoding="utf-8", xml_declaration=True) + b"\n")
 
 
 def checked(found: Acceptance) -> Table:

@@ -58,7 +58,7 @@ class Diagnosis:
 
 
 def diagnose(run: Run) -> Diagnosis:
-    """Estimate a run and test its robot file.
+    """Estimate a run and test the robot file.
 
     Raises
     ------
@@ -269,7 +269,7 @@ def shifted_sinusoid(phase: Phase, found: str, robot: Robot) -> Iterator[Panel]:
 def residuals_over_angles(
     values: Sequence[LocalValue], robot: Robot, kind: ElementKind
 ) -> Iterator[Panel]:
-    """Draw residuals of the elements of each axis over the position of every varied joint.
+    """Draw residuals of the elements of every axis over the position of every varied joint.
 
     The mean residual of an axis over all configurations is removed: asymmetric friction, which step
     1 attributes to the element, would hide the dependence on angles.
@@ -278,7 +278,6 @@ def residuals_over_angles(
     ----------
     values : sequence of LocalValue
         Local values of one kind.
-    robot : Robot
     kind : ElementKind
         Kind of the values.
     """

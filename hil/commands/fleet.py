@@ -140,7 +140,6 @@ def identify_runs(
 
     Parameters
     ----------
-    folders : sequence of Path
     execute : callable
         See `hil.execution`.
     progress : callable
@@ -177,7 +176,7 @@ def _reason(error: Exception) -> str:
 
 
 def identify_run(path: Path) -> tuple[bool, str]:
-    """Identify a run, and write its model; return whether it was up to date, and the verdict."""
+    """Identify a run, and write the model; return whether it was up to date, and the verdict."""
     # numerics are loaded by the processes that identify
     from hil.results.findings import identify_and_keep, kept  # noqa: PLC0415
     from hil.results.identification import method_for  # noqa: PLC0415
@@ -223,7 +222,7 @@ def read_batch(models: list[ModelAddress]) -> tuple[dict[str, Any], list[str]]:
     left_out = []
     for each in models:
         try:
-            digest, own = read_rows(each)
+            digest, own = _read_rows(each)
         except FileError as error:
             left_out.append(str(error))
         else:
@@ -231,14 +230,8 @@ def read_batch(models: list[ModelAddress]) -> tuple[dict[str, Any], list[str]]:
     return {digest: table_of(own) for digest, own in rows.items() if own}, left_out
 
 
-def read_rows(model: ModelAddress) -> tuple[str, list[tuple[Any, ...]]]:
-    """Return the digest of a model's robot, and the rows of the model.
-
-    Raises
-    ------
-    FileError
-        A damaged model.
-    """
+def _read_rows(model: ModelAddress) -> tuple[str, list[tuple[Any, ...]]]:
+    """Return the digest of a model's robot, and the rows of the model."""
     import fsspec  # noqa: PLC0415 - an extra
 
     place = model.address.removeprefix("file://")

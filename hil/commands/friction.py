@@ -58,7 +58,6 @@ class FrictionResult:
 
     Attributes
     ----------
-    robot : Robot
     planned : dict
         Friction measurements by id.
     points : tuple of FrictionPoint
@@ -69,7 +68,6 @@ class FrictionResult:
         Symmetry by axis, from 0, for axes of known gravity torque.
     drifts : tuple of Drift
         Axes with enough levels over time.
-    left_out : tuple of str
     model_folder : str, optional
         Run of the model that compensated gravity.
     """
@@ -89,7 +87,7 @@ class FrictionResult:
         return f"model of {self.model_folder}" if self.model_folder else "half-differences"
 
     def axis_points(self, axis: int) -> list[FrictionPoint]:
-        """Return the points of one axis (from 0)."""
+        """Return the points of an axis (from 0)."""
         return [point for point in self.points if point.axis == axis]
 
 

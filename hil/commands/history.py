@@ -77,7 +77,6 @@ class History:
 
     Attributes
     ----------
-    quantities : tuple of Quantity
     runs : tuple of KnownRun
         Runs in the order of measurement.
     reference : str
@@ -173,9 +172,7 @@ def read_history(
 
 
 def history_of(
-    loaded: Sequence[tuple[str, Model]],
-    reference: str | None = None,
-    least_wander: float = 0.0,
+    loaded: Sequence[tuple[str, Model]], reference: str | None = None, least_wander: float = 0.0
 ) -> History:
     """Compare labelled models of a robot; parameters as in `read_history`."""
     dated = all(model.provenance.measured for _, model in loaded)
@@ -451,7 +448,7 @@ _CAPTION = (
 
 
 def time_chart(found: History, places: Sequence[int]) -> Iterator[Panel]:
-    """Draw the quantities at `places`, one panel per quantity."""
+    """Draw the quantities at `places`, a panel per quantity."""
     # days or hours; run numbers if a run has no date
     stamps = [run.measured for run in found.runs]
     at, label = np.arange(1.0, len(stamps) + 1), "run"

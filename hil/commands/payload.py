@@ -270,7 +270,6 @@ def outcome(bare: Run, loaded: Sequence[Run], found: Load, kept: LoadFile) -> Ou
         Run without the load.
     loaded : sequence of Run
         Runs with the load.
-    found : Load
     kept : LoadFile
         Content of the load file.
     """

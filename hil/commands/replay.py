@@ -70,9 +70,7 @@ def positions(found: Replay) -> Iterator[Panel]:
             x_label="time [s]",
             y_label=f"position [{unit}]",
             below=Panel(
-                (Rule(0.0), Line(time, error, MODEL, width=0.9)),
-                y_label=f"Δ [{unit}]",
-                height=42.0,
+                (Rule(0.0), Line(time, error, MODEL, width=0.9)), y_label=f"Δ [{unit}]", height=42.0
             ),
             width=357.0,
             height=112.0,

@@ -55,7 +55,18 @@ def arm(robot: Robot, recording: Recording) -> Markup:
     known = recording.q[np.isfinite(recording.q).all(axis=1)]
     ends = segments(robot, known[:1] if len(known) else np.zeros((1, robot.n_joints)))[0]
     radii = capsules(robot).radii
-    view = _view(robot.gravity)
+    # unit vectors right, up and toward the viewer in the base frame, as rows (3, 3)
+    strength = float(np.linalg.norm(robot.gravity))
+    up = -robot.gravity / strength if strength else np.array([0.0, 0.0, 1.0])
+    # smallest rotation from z to up
+    first = np.array([1.0, 0.0, 0.0]) if abs(up[0]) < 0.9 else np.array([0.0, 1.0, 0.0])
+    x = first - up * (first @ up)
+    frame = np.array([x / np.linalg.norm(x), np.cross(up, x / np.linalg.norm(x)), up])
+    toward = np.array(SEEN_FROM) @ frame
+    toward /= np.linalg.norm(toward)
+    right = np.cross(up, toward)
+    right /= np.linalg.norm(right)
+    view = np.array([right, np.cross(toward, right), toward])
     seen = ends @ view.T
     low = (seen[..., :2] - radii[:, np.newaxis, np.newaxis]).min(axis=(0, 1))
     high = (seen[..., :2] + radii[:, np.newaxis, np.newaxis]).max(axis=(0, 1))
@@ -71,21 +82,6 @@ def arm(robot: Robot, recording: Recording) -> Markup:
     )
     box = f"0 0 {number(WIDTH)} {number(HEIGHT)}"
     return Markup(f'<svg viewBox="{box}">{drawn}{numbers}</svg>')  # noqa: S704 - numbers alone
-
-
-def _view(gravity: Array) -> Array:
-    """Return unit vectors right, up and toward the viewer in the base frame, as rows (3, 3)."""
-    strength = float(np.linalg.norm(gravity))
-    up = -gravity / strength if strength else np.array([0.0, 0.0, 1.0])
-    # smallest rotation from z to up
-    first = np.array([1.0, 0.0, 0.0]) if abs(up[0]) < 0.9 else np.array([0.0, 1.0, 0.0])
-    x = first - up * (first @ up)
-    frame = np.array([x / np.linalg.norm(x), np.cross(up, x / np.linalg.norm(x)), up])
-    toward = np.array(SEEN_FROM) @ frame
-    toward /= np.linalg.norm(toward)
-    right = np.cross(up, toward)
-    right /= np.linalg.norm(right)
-    return np.array([right, np.cross(toward, right), toward])
 
 
 def _link(ends: Array, radius: float) -> str:
@@ -143,7 +139,7 @@ def model_and_run(path: Path, model: Model, folder: Path) -> dict[str, str]:
 
 
 def torque_chart(shown: Sequence[PredictedTorque], robot: Robot) -> Iterator[Panel]:
-    """Draw measured and predicted torque with interval for each axis, residuals below."""
+    """Draw measured and predicted torque with interval by axis, residuals below."""
     for each in shown:
         unit, t, half = robot.torque_unit(each.axis), each.time, each.half
         low, high = each.predicted - half, each.predicted + half
@@ -158,11 +154,7 @@ def torque_chart(shown: Sequence[PredictedTorque], robot: Robot) -> Iterator[Pan
             x_label="time [s]",
             y_label=f"{'torque' if robot.revolute[each.axis] else 'force'} [{unit}]",
             below=Panel(
-                (
-                    Band(t, -around, around),
-                    Rule(0.0),
-                    Line(t, each.residual, MEASURED, width=0.9),
-                ),
+                (Band(t, -around, around), Rule(0.0), Line(t, each.residual, MEASURED, width=0.9)),
                 y_label=f"Δ [{unit}]",
                 height=42.0,
             ),
@@ -174,9 +166,7 @@ def torque_chart(shown: Sequence[PredictedTorque], robot: Robot) -> Iterator[Pan
 
 
 def packed_recordings(
-    robot: Robot,
-    recordings: Sequence[Shown],
-    parameters: Mapping[str, object] | None = None,
+    robot: Robot, recordings: Sequence[Shown], parameters: Mapping[str, object] | None = None
 ) -> str:
     """Return recordings in the compressed form of `hil.view.packed`; empty without recordings."""
     if not recordings:

@@ -67,7 +67,7 @@ class AxisErrors(FileModel):
 
 
 class Tracking(KeptResult):
-    """Following errors of all axes.
+    """Following errors of the axes.
 
     Attributes
     ----------
@@ -77,7 +77,6 @@ class Tracking(KeptResult):
         Stated delay of the drives [SYNC periods].
     shown_delay : float
         Delay estimated from the pass with velocity and torque [SYNC periods].
-    axes : tuple of AxisErrors
     """
 
     names = (NAME,)
@@ -245,7 +244,7 @@ def track(folder: Path, model: str, delay: float) -> Outcome:
     found.write(folder)
     plot = Plot(
         "errors",
-        partial(error_chart, runs, delay),
+        partial(_error_chart, runs, delay),
         "Following error of every axis over time: without feed-forward, with velocity, and with "
         "velocity and torque.",
         "Following errors over the first period of the first trajectory, by kind of "
@@ -264,16 +263,8 @@ def track(folder: Path, model: str, delay: float) -> Outcome:
     )
 
 
-def error_chart(runs: Mapping[str, Run], delay: float) -> Iterator[Panel]:
-    """Draw following errors over the first period, and below only those with feed-forward.
-
-    Parameters
-    ----------
-    runs : mapping
-        Runs by name of the pass.
-    delay : float
-        Delay of the drives [SYNC periods].
-    """
+def _error_chart(runs: Mapping[str, Run], delay: float) -> Iterator[Panel]:
+    """Draw following errors over the first period, and below the errors with feed-forward."""
     robot = runs[PASSES[0]].robot
     lines: list[dict[str, Line]] = [{} for _ in range(robot.n_joints)]
     for name in PASSES:

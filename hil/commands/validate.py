@@ -33,11 +33,10 @@ NAME, PAGE = "validation.yaml", "validation.html"
 
 
 class ValidationRecord(KeptResult):
-    """Content of `validation.yaml`: a validation with its run and model.
+    """Content of `validation.yaml`: a validation with run and model.
 
     Attributes
     ----------
-    run : RunStamp
     model : str
         Path of the model file, relative to the folder of the run.
     method, identified : str
@@ -110,7 +109,7 @@ def write_validation(run: Run, model: Model, model_path: Path, found: Validation
 
 
 def scores(found: Validation, notes: tuple[str, ...] = ()) -> Table:
-    """Return the table of scores of all moved axes."""
+    """Return the table of scores of moved axes."""
     heads = ["torque", "residual", "residual, %", "mean, %", "inside, %", "gain"]
     explained, fitted = "", any(each.refitted is not None for each in found.axes)
     if fitted:

@@ -40,12 +40,7 @@ from scipy import special
 
 from checked_files.yaml_file import FileModel
 from hil.estimation.simultaneous import SimultaneousFit
-from hil.least_squares.solving import (
-    eliminated,
-    orthonormal,
-    project_out,
-    shares_without_nuisance,
-)
+from hil.least_squares.solving import eliminated, orthonormal, project_out, shares_without_nuisance
 from hil.least_squares.uncertainty import correlation_of, leave_one_out
 from hil.model.base_parameters import base_parameters
 from hil.model.dynamics import gravity_torque
@@ -148,8 +143,27 @@ def examine(robot: Robot, prepared: Prepared) -> ModelErrors:
     stated = K @ base_parameters(robot).placement
     shares = SimultaneousFit(whole, prepared).shares
     measured = _Measured(*shares_without_nuisance(shares.N, shares.v, len(K)))
-    absent, absorbed = _absent(robot, K, stated)
-    candidates, unmeasured = _grouped(measured, stated, absent)
+    # columns of K of visible missing parameters, and names of invisible ones
+    inside, _ = orthonormal(stated)
+    shown, absorbed = {}, []
+    for name, u in zip(robot.standard_parameters, K.T, strict=True):
+        if name in robot.present and name not in robot.ties:
+            continue
+        if np.linalg.norm(project_out(inside, u)) > _SAME:
+            shown[name] = u
+        elif name not in robot.ties:
+            absorbed.append(name)
+    # distinguishable candidates, and names of unidentifiable parameters
+    names, U = list(shown), np.array(list(shown.values())).T.reshape(len(stated), -1)
+    kept_out, total = measured.information(stated, U)
+    seen = np.diag(kept_out) > _SEEN * np.diag(total)
+    alike = np.abs(correlation_of(kept_out)) > ALIKE
+    groups: dict[int, list[int]] = {}
+    for k in np.flatnonzero(seen):
+        first = next((g for g in groups if alike[g, k]), int(k))
+        groups.setdefault(first, []).append(int(k))
+    candidates = {tuple(names[k] for k in members): U[:, g] for g, members in groups.items()}
+    unmeasured = tuple(name for name, k in zip(names, seen, strict=True) if not k)
     threshold = SIGNIFICANCE / max(len(candidates), 1)
     alone = _tested(measured, stated, candidates)
     found: list[Candidate] = []
@@ -174,24 +188,10 @@ def examine(robot: Robot, prepared: Prepared) -> ModelErrors:
         p=value[:n],
         p_all=basis @ value,
         p_values=p_value[:n],
-        absorbed=absorbed,
+        absorbed=tuple(absorbed),
         unmeasured=unmeasured,
         threshold=threshold,
     )
-
-
-def _absent(robot: Robot, K: Array, stated: Array) -> tuple[dict[str, Array], tuple[str, ...]]:
-    """Return columns of K of visible missing parameters, and names of invisible ones."""
-    inside, _ = orthonormal(stated)
-    shown, absorbed = {}, []
-    for name, u in zip(robot.standard_parameters, K.T, strict=True):
-        if name in robot.present and name not in robot.ties:
-            continue
-        if np.linalg.norm(project_out(inside, u)) > _SAME:
-            shown[name] = u
-        elif name not in robot.ties:
-            absorbed.append(name)
-    return shown, tuple(absorbed)
 
 
 class _Measured(NamedTuple):
@@ -211,22 +211,6 @@ class _Measured(NamedTuple):
         x, covariance, degrees = leave_one_out(basis.T @ self.shares @ basis, self.sides @ basis)
         error = np.sqrt(np.diag(covariance))
         return x, error, np.asarray(2 * special.stdtr(degrees, -np.abs(x) / error))
-
-
-def _grouped(
-    measured: _Measured, stated: Array, absent: dict[str, Array]
-) -> tuple[dict[tuple[str, ...], Array], tuple[str, ...]]:
-    """Return distinguishable candidates, and names of unidentifiable parameters."""
-    names, U = list(absent), np.array(list(absent.values())).T.reshape(len(stated), -1)
-    beside, whole = measured.information(stated, U)
-    seen = np.diag(beside) > _SEEN * np.diag(whole)
-    alike = np.abs(correlation_of(beside)) > ALIKE
-    groups: dict[int, list[int]] = {}
-    for k in np.flatnonzero(seen):
-        first = next((g for g in groups if alike[g, k]), int(k))
-        groups.setdefault(first, []).append(int(k))
-    candidates = {tuple(names[k] for k in members): U[:, g] for g, members in groups.items()}
-    return candidates, tuple(name for name, k in zip(names, seen, strict=True) if not k)
 
 
 def _tested(

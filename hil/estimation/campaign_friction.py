@@ -39,7 +39,6 @@ def campaign_friction(
 
     Parameters
     ----------
-    robot : Robot
     p : ndarray, shape (n_base,)
         Base parameters from the measurements of `stacks`.
     stacks : iterable of sequence of Stacked
@@ -52,26 +51,21 @@ def campaign_friction(
         v = np.abs(each.friction[:, OWN.index("viscous")])
         limits = np.array([v.min(), v.max()]) * robot.velocity_limit[each.axis]
         size = each.each * len(each.X)
-        found[each.axis].append((each.time, limits, _product(each, p), size))
+        # products of friction residual and terms, shape (1 + n_terms, 1 + n_terms), times the
+        # number of samples: a measurement counts by its duration
+        common, rigid = each.loaded(each.load(p)).X[:, each.n_base :], each.X[:, : each.n_base]
+        columns = dict(zip(OWN, each.friction.T, strict=True))
+        columns |= dict(zip(("offset", "asymmetric"), common[:, ASYMMETRIC].T, strict=True))
+        columns["load"] = common[:, LOAD]
+        left = each.torques[:, 0] - rigid @ p
+        whole = np.column_stack([left, *(columns[term] for term in OF_SPEED)])
+        found[each.axis].append(
+            (each.time, limits, np.asarray(each.each * (whole.T @ whole)), size)
+        )
     limit = robot.velocity_limit.tolist()
     return FrictionLaw(
         axes=tuple(_law(own, limit[axis], past, axis) for axis, own in enumerate(found))
     )
-
-
-def _product(each: Stacked, p: Array) -> Array:
-    """Return products of friction residual and terms, shape (1 + n_terms, 1 + n_terms).
-
-    The products are multiplied by the number of samples, so that a measurement counts by its
-    duration.
-    """
-    common, rigid = each.loaded(each.load(p)).X[:, each.n_base :], each.X[:, : each.n_base]
-    columns = dict(zip(OWN, each.friction.T, strict=True))
-    columns |= dict(zip(("offset", "asymmetric"), common[:, ASYMMETRIC].T, strict=True))
-    columns["load"] = common[:, LOAD]
-    left = each.torques[:, 0] - rigid @ p
-    whole = np.column_stack([left, *(columns[term] for term in OF_SPEED)])
-    return np.asarray(each.each * (whole.T @ whole))
 
 
 def _law(

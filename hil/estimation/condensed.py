@@ -74,7 +74,6 @@ class Stacked:
     ----------
     axis : int
         Index from 0.
-    n_base : int
     torques : ndarray, shape (n, k)
         Left-hand sides, such as y and the motor's part.
     X : ndarray, shape (n, n_base + N_COMMON)

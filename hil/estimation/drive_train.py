@@ -61,7 +61,6 @@ if TYPE_CHECKING:
     from hil.estimation.signals import Prepared, Signals
     from hil.least_squares.blocks import Blocks
     from hil.least_squares.normal_equations import Normal
-    from hil.least_squares.regression import Regression
     from hil.model.robot import Robot
     from hil.planning.measurement import ParameterMotion
 
@@ -357,11 +356,19 @@ def _read(robot: Robot, search: Search, state: State) -> DriveTrain:
     regression = search.regression(state)
     fit, n_base = regression.fit("clusters"), len(base_parameters(robot))
     lags = [fit.layout.index(LAG, axis) for axis in range(robot.n_joints)]
+    # change of diagonal-group parameters by the lags, shape (n_base, n_joints), with the other
+    # groups fixed: measurements without acceleration identify them
+    free = np.arange(len(fit.layout.shared), fit.layout.size)
+    free = np.append(base_parameters(robot).groups[DIAGONAL], free)
+    free = np.setdiff1d(np.intersect1d(free, regression.kept), lags).astype(int)
+    N = regression.blocks.total.normal(regression.weights).information
+    effect = np.zeros((fit.layout.size, robot.n_joints))
+    effect[free] = -inverse(N[np.ix_(free, free)], RANK) @ N[free][:, lags]
+    effect = effect[:n_base]
     error = np.sqrt(np.diag(fit.covariance).clip(0.0))
     # largest standard error of an identifiable lag [s]
     identifiable = (error[lags] > 0) & (error[lags] < 0.0005)
     certain = fit.covariance[np.ix_(lags, lags)] * np.outer(identifiable, identifiable)
-    effect = _effect(robot, regression)
     compliance, compliance_error = np.full((2, robot.n_joints), np.nan)
     for axis, name in enumerate(compliance_names(robot)):
         if state.soft[axis] and error[place := fit.layout.index(name)] > 0:
@@ -375,22 +382,6 @@ def _read(robot: Robot, search: Search, state: State) -> DriveTrain:
         covariance=effect @ certain @ effect.T,
         p=fit.x[:n_base],
     )
-
-
-def _effect(robot: Robot, regression: Regression) -> Array:
-    """Return the change of diagonal-group parameters by the lags, shape (n_base, n_joints).
-
-    The other groups are fixed: measurements without acceleration identify them.
-    """
-    layout, kept = regression.layout, regression.kept
-    shared = len(layout.shared)
-    lags = np.array([layout.index(LAG, axis) for axis in range(robot.n_joints)])
-    free = np.append(base_parameters(robot).groups[DIAGONAL], np.arange(shared, layout.size))
-    free = np.setdiff1d(np.intersect1d(free, kept), lags).astype(int)
-    N = regression.blocks.total.normal(regression.weights).information
-    found = np.zeros((layout.size, robot.n_joints))
-    found[free] = -inverse(N[np.ix_(free, free)], RANK) @ N[free][:, lags]
-    return found[: len(base_parameters(robot))]
 
 
 def _judged(robot: Robot, found: DriveTrain, measured: Prepared, period: float) -> DriveTrain:

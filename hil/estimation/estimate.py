@@ -1,14 +1,17 @@
-"""Result of an identification: base parameters with uncertainty."""
+"""Result of an identification: base parameters with uncertainty, and details by recordings."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING, ClassVar, NamedTuple, TypeAlias
 
 import numpy as np
 
-from hil.estimation.fit_details import NO_DETAILS, FitDetails
+from checked_files.yaml_file import FileModel
+from hil.estimation.back_and_forth.result import BackAndForthFit
+from hil.estimation.free_motion.result import FreeMotionFit
 from hil.estimation.intervals import half_width
+from hil.friction.law import TermValue
 from hil.least_squares.regression import ByName
 from hil.least_squares.uncertainty import correlation_of
 from hil.model.base_parameters import base_parameters
@@ -27,6 +30,34 @@ if TYPE_CHECKING:
     from hil.model.robot import Robot
 
 
+class MeasurementFit(FileModel):
+    """Empty details of a fit to strokes and trajectories.
+
+    Friction is fitted anew in each measurement, and the lags and gears of a drive train are not
+    part of the model.
+    """
+
+    file_key: ClassVar[str | None] = None
+    """Key of the details in `model.yaml`; None if nothing is written."""
+    with_law: ClassVar[bool] = False
+    """True if the friction law was estimated together with the base parameters."""
+    blocks: ClassVar[None] = None
+    curves: ClassVar[tuple[()]] = ()
+    gains: ClassVar[tuple[()]] = ()
+    lag: ClassVar[tuple[()]] = ()
+    compliance: ClassVar[dict[int, TermValue]] = {}
+    not_identified: ClassVar[tuple[str, ...]] = ()
+    rest: ClassVar[dict[int, float]] = {}
+
+    def sum_of(self, _name: str) -> str:
+        """Return an empty sum, since every parameter is identified individually."""
+        return ""
+
+
+FitDetails: TypeAlias = FreeMotionFit | BackAndForthFit | MeasurementFit
+NO_DETAILS = MeasurementFit()
+
+
 class LeftOut(NamedTuple):
     """Rejected measurement, with the reason."""
 
@@ -43,7 +74,6 @@ class Estimate(ByName):
 
     Attributes
     ----------
-    robot : Robot
     method : str
         One of `hil.estimation.identify.METHODS`.
     values : ndarray, shape (n_base,)
@@ -77,7 +107,6 @@ class Estimate(ByName):
         whose errors are not visible in the data. A file has the first half, or none of it.
     edges : tuple of Edge
         Lags and compliances at the edge of their search range.
-    left_out : tuple of LeftOut
     n_measurements : int
         Number of measurements in the estimate.
     drive_train : DriveTrain, optional

@@ -108,11 +108,9 @@ def estimate(
 
     Parameters
     ----------
-    robot : Robot
     recorded : iterable of (RecordedMotion, Recording)
     method : str
         One of `METHODS`.
-    options : Options
 
     Raises
     ------

@@ -66,8 +66,6 @@ from hil.model.base_parameters import base_parameters
 from hil.planning.free_motion import FreeMotion
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
-
     from hil.estimation.back_and_forth.halves import Halves
     from hil.estimation.free_motion.gathering import Gathered
     from hil.estimation.free_motion.solution import FreeSolver, Solution
@@ -85,16 +83,12 @@ OTHER = "no strokes of a single axis; this method uses no other recordings"
 
 
 def fit_free_motions(
-    robot: Robot,
-    recorded: Recorded,
-    name: str = DEFAULT,
-    options: Options = DEFAULTS,
+    robot: Robot, recorded: Recorded, name: str = DEFAULT, options: Options = DEFAULTS
 ) -> Estimate:
     """Identify base parameters and friction from free motions.
 
     Parameters
     ----------
-    robot : Robot
     recorded : iterable of (RecordedMotion, Recording)
         Recordings; only free motions are used. An iterator is read into memory; anything else is
         iterated several times.
@@ -118,13 +112,9 @@ def fit_free_motions(
         return estimate_from(robot, name, variant.solver, gathered, options)
     rates = gather_rates(robot, recorded, variant, options)
     fastest = estimate_from(robot, name, variant.solver, rates[0], options)
-    return fastest if len(rates) == 1 else _combine_rates(robot, fastest, rates, options)
-
-
-def _combine_rates(
-    robot: Robot, fastest: Estimate, rates: Sequence[Gathered], options: Options
-) -> Estimate:
-    """Estimate from recordings of several rates, with friction and settings of the fastest."""
+    if len(rates) == 1:
+        return fastest
+    # recordings of several rates together, with friction and settings of the fastest
     names = base_parameters(robot).names
     joint, n = balance(rate_regressions(rates), names).whole, len(names)
     fit = joint.regression.fit(options.covariance, joint.cells)
@@ -151,11 +141,7 @@ def _names(robot: Robot, solution: Solution) -> tuple[str, ...]:
 
 
 def estimate_from(
-    robot: Robot,
-    name: str,
-    solver: FreeSolver,
-    gathered: Gathered,
-    options: Options = DEFAULTS,
+    robot: Robot, name: str, solver: FreeSolver, gathered: Gathered, options: Options = DEFAULTS
 ) -> Estimate:
     """Estimate base parameters and friction from gathered recordings.
 
@@ -227,15 +213,12 @@ def estimate_from(
 
 
 def fit_back_and_forth(
-    robot: Robot,
-    recorded: Recorded,
-    covariance: Covariance = DEFAULTS.covariance,
+    robot: Robot, recorded: Recorded, covariance: Covariance = DEFAULTS.covariance
 ) -> Estimate:
     """Identify base parameters and friction curves, without a friction law.
 
     Parameters
     ----------
-    robot : Robot
     recorded : iterable of (RecordedMotion, Recording)
         Recordings; those of other motions than a single axis back and forth are skipped and listed.
     covariance : str

@@ -37,8 +37,6 @@ class Edge(FileModel):
         Axis from 1.
     what : str
         Name of the quantity.
-    value, bound : float
-    unit : str
     """
 
     axis: int

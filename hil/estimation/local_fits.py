@@ -54,7 +54,6 @@ class LocalValue(FileModel):
 
     Attributes
     ----------
-    id, kind : str
     axis, partner : int
         Measured joint, accelerated joint; indices from 0, in `model.yaml` from 1.
     q : tuple of float, shape (n_joints,)
@@ -113,7 +112,6 @@ class LocalFit:
 
     Attributes
     ----------
-    measurement : ElementMeasurement
     q : ndarray, shape (n_joints,)
         Mean configuration [rad or m].
     time : float
@@ -285,16 +283,10 @@ def _mass_element(
     levels: Array,
     used: NDArray[np.bool_],
 ) -> LocalFit:
-    """Fit eq. (20) for an element of M(q).
+    """Fit eq. (20) for an element of M(q), from the samples `used`.
 
-    Parameters
-    ----------
-    columns : ndarray, shape (n, k)
-        Observation matrix, the acceleration first.
-    levels : ndarray, shape (k,)
-        Weights of the coefficients in the friction level.
-    used : ndarray of bool, shape (n,)
-        Available samples.
+    The acceleration is the first of the `columns`; `levels` are the weights of the coefficients in
+    the friction level.
     """
     signals = _filtered(robot, s, element[0], columns, element[1])
     # away from reversals by the reach of the filter

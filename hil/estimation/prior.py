@@ -60,7 +60,6 @@ class FromPrior(FileModel):
 
     Attributes
     ----------
-    source : str
     relative : float
         See `Prior`.
     replaced : dict of str to float

@@ -84,15 +84,7 @@ def unmodelled_ripple(robot: Robot, fit: SimultaneousFit) -> UnmodelledRipple:
 
 
 class _Piece(NamedTuple):
-    """Measurement of an axis, friction projected out.
-
-    Attributes
-    ----------
-    columns : ndarray, shape (n, n_orders)
-        Cosines, with sines as imaginary parts.
-    residual : ndarray, shape (n,)
-        Residual torque [N m].
-    """
+    """Cosines (sines as imaginary parts) of an axis, and residual torque [N m], less friction."""
 
     columns: NDArray[np.complex128]
     residual: Array

@@ -216,8 +216,6 @@ class Joint(NamedTuple):
 
     Attributes
     ----------
-    solver : SimultaneousFit
-    drive_train : DriveTrain
     prepared : sequence of (ParameterMotion, Signals)
         Measurements with compensated drive trains.
     rigid : ndarray, shape (n_base,)

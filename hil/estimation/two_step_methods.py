@@ -63,7 +63,7 @@ if TYPE_CHECKING:
     from hil.estimation.drive_train import DriveTrain
     from hil.estimation.local_fits import LocalFit, LocalValue
     from hil.estimation.signals import Prepared, Signals
-    from hil.least_squares.regression import Fit, Regression
+    from hil.least_squares.regression import Fit
     from hil.model.robot import Robot
     from hil.planning.measurement import ParameterMotion
     from hil.runs.recording import Recorded
@@ -135,30 +135,6 @@ def require_all_groups(robot: Robot, fits: Sequence[LocalFit], condition: dict[s
                 f"{names}{why}; measure more configurations of this kind (see: hil dry-run), or "
                 "finish the run with --resume"
             )
-
-
-def require_rank(robot: Robot, regression: Regression, what: str) -> None:
-    """Raise an error for base parameters not determined by the recordings together.
-
-    Parameters
-    ----------
-    regression : Regression
-        Regression with the base parameters as first unknowns.
-    what : str
-        Description of the recordings for the message.
-
-    Raises
-    ------
-    NotIdentifiable
-    """
-    names = base_parameters(robot).names
-    lost = undetermined_beside(regression.normal.information, len(names))
-    if lost.any():
-        listed = ", ".join(name for name, each in zip(names, lost, strict=True) if each)
-        raise NotIdentifiable(
-            f"{what} do not identify {listed}: {BOUND}; measure more configurations (see: hil"
-            " dry-run), or finish the run with --resume"
-        )
 
 
 class TwoStep:
@@ -299,7 +275,6 @@ def measured(
     ----------
     raw : sequence of (ParameterMotion, Signals)
         Measurements without compensation of the drive trains.
-    unusable : sequence of LeftOut
     found : Joint
         Joint regression of the measurements.
     imported : sequence of Kind
@@ -321,7 +296,15 @@ def measured(
             # parameters excited by noise alone are not identified
             require_all_groups(robot, fits, condition)
         too = " together with the imports" if imported else ""
-        require_rank(robot, whole.regression, f"{solver.n_measurements} usable measurements{too}")
+        what = f"{solver.n_measurements} usable measurements{too}"
+        names = base_parameters(robot).names
+        lost = undetermined_beside(whole.regression.normal.information, len(names))
+        if lost.any():
+            listed = ", ".join(name for name, each in zip(names, lost, strict=True) if each)
+            raise NotIdentifiable(
+                f"{what} do not identify {listed}: {BOUND}; measure more configurations (see: hil"
+                " dry-run), or finish the run with --resume"
+            )
     fit, prior_share = whole.regression.fit(options.covariance, whole.cells), None
     p, scatter = fit.x[:n] + share @ change, fit.covariance[:n, :n]
     covariance = scatter + whole.beside + propagate([share], [beside])
@@ -428,9 +411,7 @@ def estimate_of(
     )
 
 
-def prepare(
-    recorded: Recorded,
-) -> tuple[list[tuple[ParameterMotion, Signals]], list[LeftOut]]:
+def prepare(recorded: Recorded) -> tuple[list[tuple[ParameterMotion, Signals]], list[LeftOut]]:
     """Return the signals of usable measurements, and the rejected measurements."""
     found, left_out = [], []
     for measurement, recording in recorded:

@@ -77,7 +77,6 @@ def origin(model: Model, source: Path) -> tuple[str, ...]:
 
     Parameters
     ----------
-    model : Model
     source : Path
         File of the model, or the folder of its run, as named by the user.
     """

@@ -23,7 +23,6 @@ class Expression:
     ----------
     operation : str
         ``number``, ``symbol``, ``+``, ``-``, ``*``, ``negative``, or the name of a function.
-    operands : tuple of Expression
     number : float
         Value of a number.
     name : str
@@ -161,11 +160,7 @@ def _sum(left: Expression, right: Expression) -> Expression:
     (a, negative_a), (b, negative_b) = _unsigned(left), _unsigned(right)
     if a is b:
         return graph.number(0.0) if negative_a != negative_b else left * 2.0
-    return _signed_sum(a, b, negative_a=negative_a, negative_b=negative_b)
-
-
-def _signed_sum(a: Expression, b: Expression, *, negative_a: bool, negative_b: bool) -> Expression:
-    """Return the sum of two expressions with separate signs."""
+    # the sum of two expressions with separate signs
     if negative_a and negative_b:
         return -(a + b)
     if negative_a or negative_b:

@@ -9,10 +9,9 @@ from checked_files.foreign_text import shown
 from checked_files.near import did_you_mean
 from checked_files.yaml_file import FileError
 from hil.errors import NotEnoughData, UnknownName
-from hil.export.data_files import write_friction, write_json, write_ros2
+from hil.export.data_files import write_friction, write_json, write_ranges, write_ros2
 from hil.export.languages import write_c, write_python, write_st
 from hil.export.mjcf_file import write_mjcf
-from hil.export.ranges import write_ranges
 from hil.export.recordings.job import Job
 from hil.export.recordings.mcap_file import write_mcap
 from hil.export.recordings.tables import write_csv, write_parquet
@@ -108,10 +107,8 @@ def export_recordings(
 
     Parameters
     ----------
-    run : Run
     name : str
         One of `RECORDINGS`.
-    output : Path
     joints : sequence of str, optional
         Names of the joints; ``joint1`` and on unless given.
     progress : callable

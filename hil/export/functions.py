@@ -43,7 +43,6 @@ class Function(NamedTuple):
 
     Attributes
     ----------
-    name : str
     purpose : str
         Description, one sentence.
     arguments : dict of str to str

@@ -64,8 +64,29 @@ def write_mjcf(model: Model, origin: tuple[str, ...], given: Given | None = None
         parent = links[joint.parent] if joint.parent >= 0 else base
         links.append(_body(parent, joint, coupled=robot.coupled))
     if robot.coupled:
-        _tendons(root, robot)
-    _motors(root, robot)
+        # the motors' share of the mass matrix, H = L L': a tendon of unit armature per column;
+        # 1e-12 kg m^2 make the factor exist for joints without a rotor
+        tendon = ET.SubElement(root, "tendon")
+        columns = np.linalg.cholesky(robot.rotors + 1e-12 * np.eye(len(robot.rotors))).T
+        for number_, column in enumerate(columns, start=1):
+            fixed = ET.SubElement(tendon, "fixed", name=f"rotors{number_}", armature="1")
+            for joint, share in zip(robot.joints, column, strict=True):
+                if share:
+                    ET.SubElement(fixed, "joint", joint=joint.name, coef=number(float(share)))
+    actuator = ET.SubElement(root, "actuator")
+    for joint in robot.joints:
+        stated = {"name": f"{joint.name}_motor", "joint": joint.name}
+        if not np.isnan(joint.effort):
+            stated["ctrlrange"] = numbers((-joint.effort, joint.effort))
+        offset = 0.0 if joint.friction is None else joint.friction.constant
+        if offset:
+            # motor with the bias -offset, which compensates the law's constant torque
+            stated |= {
+                "gainprm": "1",
+                "biastype": "affine",
+                "biasprm": numbers((-offset, 0.0, 0.0)),
+            }
+        ET.SubElement(actuator, "general" if offset else "motor", stated)
     ET.indent(root)
     text = ET.tostring(root, encoding="unicode") + "\n"
     return Exported({f"{model.robot.name}.xml": text}, remarks)
@@ -76,11 +97,7 @@ def _body(parent: ET.Element, joint: SimulatedJoint, *, coupled: bool) -> ET.Ele
     body = ET.SubElement(parent, "body", {"name": joint.link, **place})
     inertia = numbers(joint.inertia[at] for at in FULL)
     ET.SubElement(
-        body,
-        "inertial",
-        pos=numbers(joint.centre),
-        mass=number(joint.mass),
-        fullinertia=inertia,
+        body, "inertial", pos=numbers(joint.centre), mass=number(joint.mass), fullinertia=inertia
     )
     stated = {
         "name": joint.name,
@@ -106,37 +123,6 @@ def quaternion(rotation: Array) -> Array:
     from scipy.spatial.transform import Rotation  # noqa: PLC0415 - takes long to load
 
     return np.roll(Rotation.from_matrix(rotation).as_quat(), 1)
-
-
-def _tendons(root: ET.Element, robot: SimulatedRobot) -> None:
-    """Add the motors' share of the mass matrix, H = L L': a tendon of unit armature per column.
-
-    Adding 1e-12 kg m^2 makes the factor exist for joints without a rotor.
-    """
-    tendon = ET.SubElement(root, "tendon")
-    columns = np.linalg.cholesky(robot.rotors + 1e-12 * np.eye(len(robot.rotors))).T
-    for number_, column in enumerate(columns, start=1):
-        fixed = ET.SubElement(tendon, "fixed", name=f"rotors{number_}", armature="1")
-        for joint, share in zip(robot.joints, column, strict=True):
-            if share:
-                ET.SubElement(fixed, "joint", joint=joint.name, coef=number(float(share)))
-
-
-def _motors(root: ET.Element, robot: SimulatedRobot) -> None:
-    actuator = ET.SubElement(root, "actuator")
-    for joint in robot.joints:
-        stated = {"name": f"{joint.name}_motor", "joint": joint.name}
-        if not np.isnan(joint.effort):
-            stated["ctrlrange"] = numbers((-joint.effort, joint.effort))
-        offset = 0.0 if joint.friction is None else joint.friction.constant
-        if offset:
-            # motor with the bias -offset, which compensates the law's constant torque
-            stated |= {
-                "gainprm": "1",
-                "biastype": "affine",
-                "biasprm": numbers((-offset, 0.0, 0.0)),
-            }
-        ET.SubElement(actuator, "general" if offset else "motor", stated)
 
 
 def _left_out(model: Model, robot: SimulatedRobot) -> Iterator[str]:

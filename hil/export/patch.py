@@ -30,12 +30,7 @@ from hil.estimation.consistent.nearest import nearest_robot
 from hil.export.exported import Exported
 from hil.export.mjcf_file import FULL, IMPEDANCE, STEP, quaternion
 from hil.export.simple_friction import damping_remarks, friction_remarks
-from hil.export.simulated_robot import (
-    moved_to_frames,
-    number,
-    numbers,
-    simulated_robot,
-)
+from hil.export.simulated_robot import moved_to_frames, number, numbers, simulated_robot
 from hil.export.urdf_file import (
     INERTIA,
     NO_CHAIN,
@@ -463,7 +458,7 @@ class _Mjcf:
     def _joint(self, placed: Placed, dof: int, joint: SimulatedJoint) -> Iterator[str]:
         model, friction = self._model, joint.friction
         stated: dict[str, tuple[Sequence[float], Sequence[float]]] = {
-            "armature": ([model.dof_armature[dof]], [joint.armature]),
+            "armature": ([model.dof_armature[dof]], [joint.armature])
         }
         if friction is None:
             yield from ("damping", "frictionloss")

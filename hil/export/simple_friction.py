@@ -83,7 +83,6 @@ class SimpleFriction:
         Coefficients, not negative [N m or N; N m s/rad or N s/m].
     misfit : float
         Root mean square, over both directions, of the law less this approximation [N m or N].
-    stribeck : Stribeck
     coasting : Quadratic
         Friction that simulates coasting; Coulomb and viscous friction where that is right.
     """
@@ -125,7 +124,6 @@ def simple_friction(model: Model, warmth: float | None = None) -> tuple[SimpleFr
 
     Parameters
     ----------
-    model : Model
     warmth : float, optional
         Warmth of the gears, from 0 cold to 1 warm; by default the reference of the laws.
 
@@ -146,6 +144,12 @@ def _fit_axis(model: Model, axis: int, law: AxisLaw, warmth: float | None) -> Si
     (coulomb, viscous), left = optimize.nnls(np.column_stack([np.ones_like(v), v]), odd)
     constant = float(np.mean(even))
     plain = Quadratic(float(coulomb), float(viscous), 0.0, constant, _misfit(left, even))
+    fits = []
+    for velocity in np.geomspace(v[0], v[-1], 40):
+        bell = np.exp(-((v / velocity) ** 2))
+        found, left = optimize.nnls(np.column_stack([1.0 - bell, bell, v]), odd)
+        coulomb, static, viscous = found.tolist()
+        fits.append(Stribeck(coulomb, static, viscous, float(velocity), _misfit(left, even)))
     return SimpleFriction(
         axis=axis,
         speeds=v,
@@ -154,19 +158,9 @@ def _fit_axis(model: Model, axis: int, law: AxisLaw, warmth: float | None) -> Si
         coulomb=plain.coulomb,
         viscous=plain.viscous,
         misfit=plain.misfit,
-        stribeck=_stribeck(v, odd, even),
+        stribeck=min(fits, key=lambda each: each.misfit),
         coasting=_coasting(v, odd, even, plain),
     )
-
-
-def _stribeck(v: Array, odd: Array, even: Array) -> Stribeck:
-    fits = []
-    for velocity in np.geomspace(v[0], v[-1], 40):
-        bell = np.exp(-((v / velocity) ** 2))
-        found, left = optimize.nnls(np.column_stack([1.0 - bell, bell, v]), odd)
-        coulomb, static, viscous = found.tolist()
-        fits.append(Stribeck(coulomb, static, viscous, float(velocity), _misfit(left, even)))
-    return min(fits, key=lambda each: each.misfit)
 
 
 def _coasting(v: Array, odd: Array, even: Array, plain: Quadratic) -> Quadratic:

@@ -32,10 +32,8 @@ class SimulatedJoint:
 
     Attributes
     ----------
-    name, link : str
     parent : int
         Index of the joint that carries this one; -1 for the base.
-    revolute : bool
     before : ndarray, shape (4, 4)
         Pose of the link's frame in the parent's frame, at q = 0.
     axis : ndarray, shape (3,)
@@ -94,7 +92,6 @@ class SimulatedRobot:
         Names of the robot and of its first link, which is at rest.
     gravity : ndarray, shape (3,)
         Gravity in the base link [m/s^2].
-    joints : tuple of SimulatedJoint
     rotors : ndarray, shape (n_joints, n_joints)
         Motors' share of the mass matrix, with off-diagonal elements for motors that turn with two
         joints.

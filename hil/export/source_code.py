@@ -95,6 +95,8 @@ def description(
     model: Model, origin: tuple[str, ...], functions: Sequence[Function]
 ) -> tuple[str, ...]:
     """Return lines for the head of a code file."""
+    base = base_parameters(model.robot)
+    rows = zip(base.names, model.values, base.units, base.expressions, strict=True)
     lines = [
         *(part for line in origin for part in line.splitlines()),
         "",
@@ -105,7 +107,7 @@ def description(
         *missing(model, functions),
         "",
         "Base parameters used for the numbers below:",
-        *_parameters(model),
+        *[f"  {name} = {value:.9g} {unit}: {text}" for name, value, unit, text in rows],
     ]
     return tuple(lines)
 
@@ -137,12 +139,6 @@ def remarks(model: Model, functions: Sequence[Function]) -> tuple[str, ...]:
     counted = {each.name: f"{each.name}: {count(each.results)}" for each in functions}
     counted["rigid_bodies"] += f"; {count_whole_links(model.robot)} for whole links"
     return (*counted.values(), *missing(model, functions))
-
-
-def _parameters(model: Model) -> list[str]:
-    base = base_parameters(model.robot)
-    rows = zip(base.names, model.values, base.units, base.expressions, strict=True)
-    return [f"  {name} = {value:.9g} {unit}: {text}" for name, value, unit, text in rows]
 
 
 def identifier(name: str) -> str:

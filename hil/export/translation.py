@@ -73,7 +73,6 @@ class Translator:
 
     Parameters
     ----------
-    language : Language
     numbers : mapping of str to int or float
         Values of the scalar constants.
     call, outside : Call

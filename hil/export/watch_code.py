@@ -67,20 +67,6 @@ class _Parts(NamedTuple):
         return [int(sizes[each]) for each in field.shape]
 
 
-def _parts(model: Model, origin: tuple[str, ...], found: Watched) -> _Parts:
-    listed = constants(model, found)
-    arrays = {name: each for name, each in listed.items() if isinstance(each.value, list)}
-    numbers = {k: v.value for k, v in listed.items() if isinstance(v.value, int | float)}
-    head = (
-        *origin,
-        "",
-        f"Watch of {model.robot.name}, written by hil export.",
-        f"Thresholds of {found.model} (model {model.digest[:12]}), learned by hil watch.",
-        *(line.format(1e3 * found.period) for line in GIVEN),
-    )
-    return _Parts(identifier(model.robot.name), model, head, numbers, arrays)
-
-
 def write_watch(model: Model, name: str, origin: tuple[str, ...], found: Watched) -> dict[str, str]:
     """Return files with the watch in one of `WATCHES`, by name.
 
@@ -89,7 +75,17 @@ def write_watch(model: Model, name: str, origin: tuple[str, ...], found: Watched
     NotEnoughData
         The model has no law of friction.
     """
-    return WATCHES[name](_parts(model, tuple(map(shown, origin)), found), found)
+    listed = constants(model, found)
+    arrays = {name: each for name, each in listed.items() if isinstance(each.value, list)}
+    numbers = {k: v.value for k, v in listed.items() if isinstance(v.value, int | float)}
+    head = (
+        *map(shown, origin),
+        "",
+        f"Watch of {model.robot.name}, written by hil export.",
+        f"Thresholds of {found.model} (model {model.digest[:12]}), learned by hil watch.",
+        *(line.format(1e3 * found.period) for line in GIVEN),
+    )
+    return WATCHES[name](_Parts(identifier(model.robot.name), model, head, numbers, arrays), found)
 
 
 def _c(parts: _Parts, found: Watched) -> dict[str, str]:

@@ -100,7 +100,6 @@ class Drift:
         Fitted levels.
     fitted : ndarray, shape (n,)
         Levels of the model [N m].
-    constants : tuple of TimeConstant
     warm_effect, rest_effect : float
         Relative change of the level by the observed warming, and from stirred to settled lubricant.
     scatter : float

@@ -229,7 +229,6 @@ class FrictionLaw(FileModel):
     ----------
     axes : tuple of AxisLaw or None
         None for an axis of unknown friction.
-    coupled : tuple of CoupledFriction
     """
 
     axes: tuple[AxisLaw | None, ...]
@@ -289,7 +288,14 @@ def friction_torque(
     """
     q_rows, qd_rows, loads, warm = _rows(robot, q, qd, load, warmth)
     if directions is None:
-        directions = _directions(law, q_rows, qd_rows)
+        presliding = any(each is not None and each.presliding for each in law.axes)
+        successive, directions = presliding and are_successive(q_rows, qd_rows), list[Direction]()
+        for each, positions, velocities in zip(law.axes, q_rows.T, qd_rows.T, strict=True):
+            if successive and each is not None and each.presliding:
+                directions.append(bent(partial(friction_direction, positions), each.presliding))
+            else:
+                directions.append(sign_direction(velocities, 0.0 if each is None else each.speed))
+    forward = Direction(np.ones(len(q_rows)), np.zeros(len(q_rows)))
     found = np.zeros(q_rows.shape)
     for axis, each in enumerate(law.axes):
         if each is not None:
@@ -299,7 +305,19 @@ def friction_torque(
             bend = each.bend.value * directions[axis].bend
             level = columns[:, each.directed] @ each.values[each.directed] + bend + beyond
             if each.presliding:
-                most = _sliding_level(robot, each, q_rows, qd_rows, loads, axis)
+                # Dahl's direction is within -1 and 1, so presliding never exceeds sliding friction.
+                # The columns of the fit obey this bound for Coulomb friction alone: terms of speed
+                # follow the velocity at once, and `bend` is a linear correction of the distance.
+                # Below the slowest sample of the fit the bound stays at least as large as at this
+                # sample: an axis about to slide holds as much.
+                bounds = []
+                for least in (0.0, each.speeds[0] if each.speeds else SLOWEST * each.speed):
+                    sliding = np.abs(qd_rows)
+                    speed = sliding[:, axis] = np.maximum(sliding[:, axis], least)
+                    rows = law_columns(robot, each, q_rows, sliding, loads, axis, forward)
+                    known = rows[:, each.directed] @ each.values[each.directed]
+                    bounds.append(np.abs(known + each.slope * (speed - each.known(speed))))
+                most = np.maximum(*bounds)
                 level = np.clip(level, -most, most)
             other = columns[:, ~each.directed] @ each.values[~each.directed]
             found[:, axis] = other + each.factor(_axis_warmth(warm, axis)) * level
@@ -307,26 +325,6 @@ def friction_torque(
             shared = np.array([part.value for part in law.motor_terms])
             found[:, axis] += coupled_friction(robot, qd_rows, axis) @ shared
     return found.reshape(np.shape(q))
-
-
-def _sliding_level(
-    robot: Robot, law: AxisLaw, q: Array, qd: Array, load: Array, axis: int
-) -> Array:
-    """Return the size of one axis's sliding friction, shape (n,) [N m or N], a bound of presliding.
-
-    Dahl's direction is within -1 and 1, so presliding never exceeds sliding friction. The columns
-    of the fit obey this bound for Coulomb friction alone: terms of speed follow the velocity at
-    once, and `bend` is a linear correction of the distance. Below the slowest sample of the fit the
-    bound stays at least as large as at this sample: an axis about to slide holds as much.
-    """
-    forward, found = Direction(np.ones(len(q)), np.zeros(len(q))), []
-    for least in (0.0, law.speeds[0] if law.speeds else SLOWEST * law.speed):
-        sliding = np.abs(qd)
-        speed = sliding[:, axis] = np.maximum(sliding[:, axis], least)
-        columns = law_columns(robot, law, q, sliding, load, axis, forward)
-        known = columns[:, law.directed] @ law.values[law.directed]
-        found.append(np.abs(known + law.slope * (speed - law.known(speed))))
-    return np.maximum(*found)
 
 
 def friction_variance(
@@ -432,26 +430,8 @@ def level_at(law: AxisLaw, speed: float) -> tuple[float, float]:
     return float(row @ law.values), float(np.sqrt(max(row @ law.uncertainty @ row, 0.0)))
 
 
-def _directions(law: FrictionLaw, q: Array, qd: Array) -> list[Direction]:
-    """Return the directions of friction along rows of samples, with presliding where known."""
-    presliding = any(each is not None and each.presliding for each in law.axes)
-    successive, found = presliding and are_successive(q, qd), []
-    for each, positions, velocities in zip(law.axes, q.T, qd.T, strict=True):
-        if successive and each is not None and each.presliding:
-            found.append(bent(partial(friction_direction, positions), each.presliding))
-        else:
-            found.append(sign_direction(velocities, 0.0 if each is None else each.speed))
-    return found
-
-
 def law_columns(
-    robot: Robot,
-    law: AxisLaw,
-    q: Array,
-    qd: Array,
-    load: Array,
-    axis: int,
-    direction: Direction,
+    robot: Robot, law: AxisLaw, q: Array, qd: Array, load: Array, axis: int, direction: Direction
 ) -> Array:
     """Return the columns of the terms of an axis's law, shape (n, n_terms)."""
     v, angle = qd[:, axis], motor_angle(robot, q, axis)

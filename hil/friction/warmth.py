@@ -86,10 +86,7 @@ if TYPE_CHECKING:
 
 REFERENCE = 0.5
 """Mean speed at which `warming` is the time constant, as a share of the limit: a convention."""
-TIMES = (
-    (10.0, 30.0, 90.0, 270.0, 810.0, 2430.0),
-    (60.0, 180.0, 540.0, 1620.0, 4860.0),
-)
+TIMES = ((10.0, 30.0, 90.0, 270.0, 810.0, 2430.0), (60.0, 180.0, 540.0, 1620.0, 4860.0))
 """Grid of time constants of warming and cooling, from the duration of a stroke to that of a
 campaign, a factor of three apart: half a grid step hardly changes the levels [s]."""
 COURSES = tuple(product((10.0, 90.0, 810.0), (60.0, 540.0, 4860.0)))
@@ -317,7 +314,6 @@ def warmth_at(
 
     Parameters
     ----------
-    past : History
     axis : int
         Axis from 0.
     warming, cooling : float
@@ -364,7 +360,6 @@ def find_warmth(levels: Blocks, time: Array, past: History, axis: int) -> WarmLa
         One channel with the terms of the law, one group for each measurement, in order of time.
     time : ndarray, shape (n,)
         Middle of each measurement, ascending [s].
-    past : History
     axis : int
         Axis from 0.
     """
@@ -376,7 +371,20 @@ def find_warmth(levels: Blocks, time: Array, past: History, axis: int) -> WarmLa
     }
     if len(time) < FOLDS or not courses:
         return None
-    law, last, warm = _held_out(levels, courses)
+    # squared errors of held-out parts, (3, n_parts): of the law alone, of the level of the last
+    # measurement before, and of warmth
+    errors = []
+    for out in folds(len(levels)):
+        kept = np.ones(len(levels), dtype=bool)
+        kept[out] = False
+        rest, held = levels.where(kept), levels.where(~kept)
+        taus = _best(rest, {each: course[kept] for each, course in courses.items()})
+        warm = _fitted(rest, courses[taus][kept], STEPS)
+        alone, same = _fitted(rest, np.zeros(len(rest)), 1).values, np.ones(len(held))
+        last = 1.0 + deviations(rest, alone)[max(out.start - 1, 0)]
+        tried = (alone, same), (alone, last * same), (warm.values, warm.factors(courses[taus][out]))
+        errors.append([_errors(held, *each).sum() for each in tried])
+    law, last, warm = np.transpose(errors)
     if simplest({"law": law, "warmth": warm}) == "law" or last.sum() <= warm.sum():
         return None
     taus = _best(levels, courses)
@@ -477,22 +485,3 @@ def _best(levels: Blocks, courses: dict[tuple[float, float], Array]) -> tuple[fl
     around = np.column_stack([np.ones(len(course)), -values])
     left = np.einsum("ki,kij,kj->k", around, scaled(), around)
     return list(courses)[int(np.argmin(left))]
-
-
-def _held_out(levels: Blocks, courses: dict[tuple[float, float], Array]) -> Array:
-    """Return squared errors of held-out parts, shape (3, n_parts).
-
-    Predictions: the law alone, the level of the last measurement before, and warmth.
-    """
-    found = []
-    for out in folds(len(levels)):
-        kept = np.ones(len(levels), dtype=bool)
-        kept[out] = False
-        rest, held = levels.where(kept), levels.where(~kept)
-        taus = _best(rest, {each: course[kept] for each, course in courses.items()})
-        warm = _fitted(rest, courses[taus][kept], STEPS)
-        alone, same = _fitted(rest, np.zeros(len(rest)), 1).values, np.ones(len(held))
-        last = 1.0 + deviations(rest, alone)[max(out.start - 1, 0)]
-        tried = (alone, same), (alone, last * same), (warm.values, warm.factors(courses[taus][out]))
-        found.append([_errors(held, *each).sum() for each in tried])
-    return np.transpose(found)

@@ -205,10 +205,7 @@ class Comparison(ModelComparison):
 
 
 def truth_comparison(
-    run: Run,
-    truth: Path | str,
-    method: str = "improved",
-    others: Sequence[Run] = (),
+    run: Run, truth: Path | str, method: str = "improved", others: Sequence[Run] = ()
 ) -> Comparison:
     """Compare the model of runs on the virtual plant with the truth.
 

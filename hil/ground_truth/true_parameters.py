@@ -165,7 +165,7 @@ def true_parameters(robot: Robot, plant: Path | str) -> Array:
             f"plant{did_you_mean(str(plant), known)}; available: {', '.join(known) or 'none'}"
         )
     content = load_yaml(path, Plant)
-    refuse_other_machine(robot, content, path)
+    refuse(str(path), read_text(path), _differences(robot, content))
     standard = np.append(content.standard(), content.drives(robot))
     p: Array = base_parameters(robot).matrix @ standard
     # refuse links with observable parameters that the robot file states as absent or tied
@@ -181,17 +181,6 @@ def true_parameters(robot: Robot, plant: Path | str) -> Array:
             fault = f"lacks parameters of the plant: {', '.join(absent)}; add them"
         raise FileError(f"{path}: the file of {robot.name} {fault} and plan anew")
     return p
-
-
-def refuse_other_machine(robot: Robot, plant: Plant, path: Path) -> None:
-    """Refuse a plant of another machine.
-
-    Raises
-    ------
-    FileError
-        One line per difference.
-    """
-    refuse(str(path), read_text(path), _differences(robot, plant))
 
 
 def _differences(robot: Robot, plant: Plant) -> Iterator[tuple[Place, str]]:

@@ -108,13 +108,7 @@ def _parts(samples: Samples, stretches: Sequence[Stretch]) -> Iterator[Array]:
 
 
 class _Corners:
-    """Plateaus of a column at the bounds, and the greatest corner elsewhere.
-
-    Attributes
-    ----------
-    bounds : tuple of float
-        Least and greatest position.
-    """
+    """Plateaus of a column at least and greatest position, and the greatest corner elsewhere."""
 
     def __init__(self, *bounds: float) -> None:
         self.bounds = bounds

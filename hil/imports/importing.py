@@ -83,7 +83,14 @@ def import_recordings(
     loaded = [_loaded(path, files) for path in maps]
     robots = [robot_of(the_map) for the_map in loaded]
     _refuse_differing(loaded, robots)
-    stems = _stems(loaded)
+    # the prefixes of the motions' ids: file names of the maps, numbered where equal
+    plain = [re.sub(r"[^A-Za-z0-9_.-]+", "-", m.path.stem).strip("-._")[:40] for m in loaded]
+    stems: list[str] = []
+    for number, name in enumerate(plain, start=1):
+        stem = name or "map"
+        while stem in stems or (plain.count(name) > 1 and stem == (name or "map")):
+            stem = f"{stem}-{number}"
+        stems.append(stem)
     with whole_folder(output) as folder:
         own_folder(folder / "recordings")
         own_folder(folder / MAPS)
@@ -95,7 +102,25 @@ def import_recordings(
         if execute is None:
             statements = list(_import_serially(jobs, state, progress))
         else:
-            statements = _import_parallel(jobs, state, execute)
+            # all jobs are awaited, so that none writes after a failure
+            done: dict[int, Statement] = {}
+            failed: dict[int, FileError] = {}
+            for job, result in execute(import_one, [job.anywhere() for job in jobs]):
+                if isinstance(result, FileError):
+                    failed[job.number] = _named(job, result)
+                elif isinstance(result, BrokenExecutor):
+                    failed[job.number] = FileError(
+                        f"{job.the_map.path}: a process ended before its maps were imported; memory"
+                        " may be exhausted: give fewer --workers"
+                    )
+                elif isinstance(result, Exception):
+                    raise result
+                else:
+                    done[job.number] = replace(result, the_map=jobs[job.number].the_map)
+                    state(done[job.number])
+            if failed:
+                raise FileError("\n".join(str(error) for _, error in sorted(failed.items())))
+            statements = [done[number] for number in range(len(jobs))]
         _write_about(folder, jobs, statements, started)
     return Run.open(output)
 
@@ -121,35 +146,6 @@ def _import_serially(
             raise _named(job, error) if len(jobs) > 1 else error from error
         state(statement)
         yield statement
-
-
-def _import_parallel(
-    jobs: Sequence[OneMap],
-    state: Callable[[Statement], None],
-    execute: Execute[OneMap, Statement],
-) -> list[Statement]:
-    """Import in parallel; return the statements in the order of the jobs.
-
-    All jobs are awaited, so that none writes after a failure.
-    """
-    done: dict[int, Statement] = {}
-    failed: dict[int, FileError] = {}
-    for job, result in execute(import_one, [job.anywhere() for job in jobs]):
-        if isinstance(result, FileError):
-            failed[job.number] = _named(job, result)
-        elif isinstance(result, BrokenExecutor):
-            failed[job.number] = FileError(
-                f"{job.the_map.path}: a process ended before its maps were imported; memory"
-                " may be exhausted: give fewer --workers"
-            )
-        elif isinstance(result, Exception):
-            raise result
-        else:
-            done[job.number] = replace(result, the_map=jobs[job.number].the_map)
-            state(done[job.number])
-    if failed:
-        raise FileError("\n".join(str(error) for _, error in sorted(failed.items())))
-    return [done[number] for number in range(len(jobs))]
 
 
 def _named(job: OneMap, error: FileError) -> FileError:
@@ -203,18 +199,6 @@ def _refuse_differing(maps: Sequence[MapFile], robots: Sequence[Robot]) -> None:
             )
 
 
-def _stems(maps: Sequence[MapFile]) -> list[str]:
-    """Return the prefixes of the motions' ids: file names of the maps, numbered where equal."""
-    plain = [re.sub(r"[^A-Za-z0-9_.-]+", "-", m.path.stem).strip("-._")[:40] for m in maps]
-    stems: list[str] = []
-    for number, name in enumerate(plain, start=1):
-        stem = name or "map"
-        while stem in stems or (plain.count(name) > 1 and stem == (name or "map")):
-            stem = f"{stem}-{number}"
-        stems.append(stem)
-    return stems
-
-
 def robot_of(the_map: MapFile) -> Robot:
     """Load the robot of a map, with the uncertainties of the map's gains.
 
@@ -235,15 +219,9 @@ def robot_of(the_map: MapFile) -> Robot:
             robot = load_description(path, stated.base, stated.tip, stated.gravity)
     except (FileError, UnknownName) as error:
         raise the_map.wrong(("robot",), str(error)) from error
-    return _add_statements(the_map, robot)
-
-
-def _add_statements(the_map: MapFile, robot: Robot) -> Robot:
-    """Add the map's statements on drives: uncertainties of gains, and joints without motor.
-
-    Gains and torque constants both scale all torques of a joint; estimates use uncertainties of
-    torque constants only. A joint without motor has no unknown rotor and no unknown gear.
-    """
+    # uncertainties of gains, and joints without motor: gains and torque constants both scale all
+    # torques of a joint, but estimates use uncertainties of torque constants only; a joint without
+    # motor has no unknown rotor and no unknown gear
     torques = [joint.torque for joint in the_map.content.joints]
     if len(torques) != robot.n_joints:
         return robot
@@ -252,12 +230,12 @@ def _add_statements(the_map: MapFile, robot: Robot) -> Robot:
     for joint, torque in zip(content["joints"], torques, strict=True):
         drive = _UNKNOWN_DRIVE | joint.get("drive", {})
         if torque is None:
-            stated = {k: v for k, v in _NO_MOTOR.items() if drive[k] == UNKNOWN}
+            more = {k: v for k, v in _NO_MOTOR.items() if drive[k] == UNKNOWN}
         else:
             relative = torque.gain_uncertainty / torque.gain_value
-            stated = {"torque_constant_uncertainty": relative} if relative else {}
-        if stated:
-            joint["drive"], changed = drive | stated, True
+            more = {"torque_constant_uncertainty": relative} if relative else {}
+        if more:
+            joint["drive"], changed = drive | more, True
     if not changed:
         return robot
     text = yaml.safe_dump(content, sort_keys=False, width=200)

@@ -133,7 +133,14 @@ def stretch_of(
     """Find the instants of rows without a gap."""
     if instants == "stamped":
         return Stretch(rows, time, period)
-    slots = _slots(time, period)
+    # numbers of the samples in an even count, with missing ones; losses within a tick of a coarse
+    # clock cannot be detected
+    steps, passed = np.ones(len(time) - 1, dtype=np.int64), np.diff(time)
+    tick = float(np.median(passed[passed > SAME_STAMP * period]))
+    wide = np.flatnonzero(passed > 1.5 * max(period, tick))
+    steps[wide] += np.rint(lost(time, wide, period) / period).astype(np.int64).clip(0)
+    slots = np.zeros(len(time), dtype=np.int64)
+    np.cumsum(steps, out=slots[1:])
     if trusted:
         slots = np.rint((time - time[0]) / period).astype(np.int64)
     if instants == "even":
@@ -152,20 +159,6 @@ def _line(slots: Integers, time: Array, period: float) -> tuple[float, float]:
     columns = np.stack([slots[least], np.ones(len(least))], axis=1)
     slope, begin = np.linalg.lstsq(columns, time[least] - time[0], rcond=None)[0]
     return float(slope), float(begin + time[0])
-
-
-def _slots(time: Array, period: float) -> Integers:
-    """Return the numbers of the samples in an even count, including missing samples.
-
-    Losses within a tick of a coarse clock cannot be detected.
-    """
-    steps, passed = np.ones(len(time) - 1, dtype=np.int64), np.diff(time)
-    tick = float(np.median(passed[passed > SAME_STAMP * period]))
-    wide = np.flatnonzero(passed > 1.5 * max(period, tick))
-    steps[wide] += np.rint(lost(time, wide, period) / period).astype(np.int64).clip(0)
-    slots = np.zeros(len(time), dtype=np.int64)
-    np.cumsum(steps, out=slots[1:])
-    return slots
 
 
 def resampled(instants: Array, values: Array, grid: Array) -> Array:

@@ -303,9 +303,6 @@ class MapFile:
 
     Attributes
     ----------
-    path : Path
-    text : str
-    content : RecordingMap
     allowed : tuple of Path
         Permitted files and folders outside of the map's folder.
     """

@@ -58,7 +58,6 @@ class OneMap:
     ----------
     number : int
         Number among the maps of the run, from 0.
-    the_map : MapFile
     robot : Robot
         Robot of the run.
     folder : Path

@@ -56,10 +56,8 @@ def suspicions(
 
     Parameters
     ----------
-    excerpts : sequence of Excerpt
     evidence : Evidence
         Evidence of all excerpts.
-    robot : Robot
     alone : int, optional
         Joint, from 0, stated to move alone.
     unknown_gains : sequence of int

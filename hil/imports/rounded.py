@@ -32,7 +32,6 @@ def rounded_torques(
 
     Parameters
     ----------
-    samples : Samples
     parts : sequence of ndarray of int
         Rows of the stretches.
     moves : ndarray of bool, shape (n_joints,)

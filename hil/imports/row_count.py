@@ -71,7 +71,6 @@ def recounted(
 
     Parameters
     ----------
-    samples : Samples
     segments : sequence of ndarray of int
         Chosen rows, in independent parts.
     rate : float
@@ -121,13 +120,7 @@ def _repeating(same: Mask, kept: Integers) -> Mask:
 def _true_steps(q: Array, counted: Integers, twice: Mask) -> tuple[Integers, Mask]:
     """Return the number of periods of steps, and a mask of the steps that show the number.
 
-    Parameters
-    ----------
-    q : array (n + 1, n_joints)
-    counted : array (n,) of int
-        Number of periods by the count of rows.
-    twice : ndarray of bool, shape (n,)
-        Steps over repeated rows.
+    `counted` are the periods by the count of rows, `twice` the steps over repeated rows.
     """
     steps = np.asfortranarray(np.diff(q, axis=0))
     need = max(1, min(2, int(np.count_nonzero(steps.any(axis=0)))))

@@ -110,8 +110,6 @@ def read_samples(
 
     Parameters
     ----------
-    the_map : MapFile
-    robot : Robot
     scratch : Path
         Path of a new file for the samples.
     progress : callable
@@ -466,13 +464,7 @@ def _indices(
 def _side_by_side(
     streams: Sequence[Iterator[Array]], paths: Sequence[Path]
 ) -> Iterator[list[Array]]:
-    """Yield blocks of equal rows of all streams.
-
-    Raises
-    ------
-    FileError
-        One stream has more rows than another.
-    """
+    """Yield blocks of equal rows of all streams; refuse streams of other length."""
     rest = [np.empty(0)] * len(streams)
     while True:
         waiting = [

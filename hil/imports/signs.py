@@ -51,7 +51,6 @@ class Coding:
 
     Attributes
     ----------
-    name : str
     half : float
         Value of the sign bit.
     """

@@ -101,7 +101,6 @@ def timing_of(samples: Samples, segments: list[Integers], rate: float | None = N
 
     Parameters
     ----------
-    samples : Samples
     segments : list of arrays of int
         Chosen rows, in independent parts.
     rate : float, optional
@@ -196,13 +195,7 @@ def _refined(times: list[Array], period: float) -> float:
 
 
 def _ordered(samples: Samples, rows: Integers, period: float, counts: Counts) -> Integers:
-    """Return the rows in the order of time.
-
-    Raises
-    ------
-    WrongStamps
-        Stamps run backwards by more than a few samples, or often.
-    """
+    """Return the rows in the order of time; refuse stamps that run far backwards, or often."""
     time = samples.time[rows]
     steps = np.diff(time)
     back = np.flatnonzero(steps < 0)

@@ -109,14 +109,12 @@ class Statement:
 
     Attributes
     ----------
-    the_map : MapFile
     timing : Timing
         Timing without the stretches, whose arrays are as long as the recording.
     wraps : int
         Number of position steps above half a turn.
     recorded : tuple of bool
         True for joints with a recorded velocity.
-    motions : tuple of FreeMotion
     suspicions : tuple of Suspicion
         Suspicions accepted by the map, and uncertain ones.
     notes : tuple of str

@@ -122,7 +122,6 @@ class Table(Protocol):
 
     Attributes
     ----------
-    path : Path
     names : tuple of str
         Names of all columns; empty for unnamed columns.
     time : tuple of int
@@ -203,7 +202,6 @@ class ArrayTable:
 
     Parameters
     ----------
-    path : Path
     columns : mapping of str to (length, read)
         Number of rows, and reader of a slice, by column name.
     left_out : mapping of str to str, optional

@@ -71,11 +71,6 @@ class ColumnsOfKind:
 class Conversion:
     """Conversion of rows of a map's columns to SI.
 
-    Parameters
-    ----------
-    the_map : MapFile
-    robot : Robot
-
     Attributes
     ----------
     turns : array (n_joints, 2)

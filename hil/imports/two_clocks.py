@@ -73,8 +73,6 @@ def clock_of_torques(excerpts: Sequence[Excerpt], robot: Robot, shown: Mask) -> 
 
     Parameters
     ----------
-    excerpts : sequence of Excerpt
-    robot : Robot
     shown : ndarray of bool, shape (n_joints,)
         Joints that move, with accelerations beyond their noise.
     """
@@ -92,7 +90,6 @@ def clock_of_velocities(excerpts: Sequence[Excerpt], shown: Mask) -> Iterator[Su
 
     Parameters
     ----------
-    excerpts : sequence of Excerpt
     shown : ndarray of bool, shape (n_joints,)
         Joints whose recorded velocity can be compared with the derivative of the position.
     """

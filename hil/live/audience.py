@@ -34,7 +34,6 @@ class Audience:
 
     Attributes
     ----------
-    listeners : sequence of Listener
     is_open : bool
         True between start and end of the listeners.
     answered : bool
@@ -83,19 +82,16 @@ class Audience:
             self.publish("end", _describe_end(error))
             raise
         else:
-            self._await_answers()
+            # end listeners with pending answers, and forward the answers
+            self._name_missed()
+            for listener in self.listeners:
+                if listener.answers and not listener.gone:
+                    self._missed.add(listener.what)
+                    listener.close(ANSWERS)
+            self.pass_on()
             self.publish("end", {"how": "finished", "text": ""})
         finally:
             self._name_missed()
-
-    def _await_answers(self) -> None:
-        """End listeners with pending answers, and forward the answers."""
-        self._name_missed()
-        for listener in self.listeners:
-            if listener.answers and not listener.gone:
-                self._missed.add(listener.what)
-                listener.close(ANSWERS)
-        self.pass_on()
 
     def publish(self, kind: str, values: Mapping[str, object], *, droppable: bool = False) -> None:
         """Publish a line of `hil.live.lines`, or skip a `droppable` one for slow readers."""

@@ -57,7 +57,6 @@ class Feed:
 
     Parameters
     ----------
-    audience : Audience
     simulated : bool
         True for the virtual plant.
     """
@@ -184,7 +183,6 @@ class FedBus(BusInFront):
     ----------
     bus : DriveBus
         Not entered yet.
-    feed : Feed
     """
 
     def __init__(self, bus: DriveBus, feed: Feed) -> None:

@@ -48,7 +48,6 @@ class Said(NamedTuple):
 
     Attributes
     ----------
-    topic : str
     stamp : int
         By the computer's clock [ns].
     data : bytes
@@ -150,7 +149,22 @@ def main(address: str, port: str) -> None:
     say = begin_listening()
     try:
         messages = ros.RosMessages(OPTION, EXTRA)
-        server, channels = _serve(messages, address, int(port))
+        with needed_for(OPTION, EXTRA):
+            import foxglove  # noqa: PLC0415 - optional
+        channels = {
+            topic: foxglove.Channel(
+                topic,
+                message_encoding="cdr",
+                schema=foxglove.Schema(
+                    name=kind, encoding="ros2msg", data=messages.definition(kind)
+                ),
+            )
+            for topic, kind in TOPICS.items()
+        }
+        # at most 256 messages wait for a client, some 3 s of a run
+        server = foxglove.start_server(
+            name="hil run", host=address, port=int(port), message_backlog_size=256
+        )
     except FileError as error:
         say("failed", str(error))
         return
@@ -166,27 +180,6 @@ def main(address: str, port: str) -> None:
             channels[said.topic].log(said.data, log_time=said.stamp)
     time.sleep(0.5)  # time for the clients to get the last messages
     server.stop()
-
-
-def _serve(messages: ros.RosMessages, address: str, port: int) -> tuple[Any, dict[str, Any]]:
-    """Start the server; return server and channels by topic.
-
-    At most 256 messages wait for a client, some 3 s of a run.
-    """
-    with needed_for(OPTION, EXTRA):
-        import foxglove  # noqa: PLC0415 - optional
-    channels = {
-        topic: foxglove.Channel(
-            topic,
-            message_encoding="cdr",
-            schema=foxglove.Schema(name=kind, encoding="ros2msg", data=messages.definition(kind)),
-        )
-        for topic, kind in TOPICS.items()
-    }
-    server = foxglove.start_server(
-        name="hil run", host=address, port=port, message_backlog_size=256
-    )
-    return server, channels
 
 
 if __name__ == "__main__":

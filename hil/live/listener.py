@@ -53,8 +53,6 @@ class Listener:
 
     Attributes
     ----------
-    what : str
-    answers : bool
     gone : bool
         True once the process has ended, detected at a write or by the reader.
     dropped : int
@@ -117,7 +115,14 @@ class Listener:
             A process unable to serve.
         """
         self.launch(stop)
-        return self._ready(patience)
+        try:
+            first = self._first.get(timeout=patience)
+        except Empty:
+            first = {"text": f"{self.what} was not ready within {patience:g} s"}
+        if first.get("kind") == "ready":
+            return str(first["text"])
+        self.close()
+        raise ListenerFailed(f"{first['text']}; nothing has moved")
 
     def write(self, line: bytes, *, droppable: bool = False) -> None:
         """Write a line; skip a `droppable` line if the reader is behind.
@@ -146,16 +151,13 @@ class Listener:
         while self._waiting and not self.gone and time.monotonic() < until:
             time.sleep(0.01)
             self._flush()
-        self._end(self._process, patience)
-
-    def _end(self, process: subprocess.Popen[bytes], patience: float) -> None:
         self.gone = True
-        cast("IO[bytes]", process.stdin).close()
+        cast("IO[bytes]", self._process.stdin).close()
         try:
-            process.wait(patience)
+            self._process.wait(patience)
         except subprocess.TimeoutExpired:
-            process.kill()
-            process.wait()
+            self._process.kill()
+            self._process.wait()
         if self._ear.is_alive():
             self._ear.join()  # a later stop request would have no receiver
 
@@ -168,16 +170,6 @@ class Listener:
             return
         except OSError:  # the process has ended
             self.gone = True
-
-    def _ready(self, patience: float) -> str:
-        try:
-            first = self._first.get(timeout=patience)
-        except Empty:
-            first = {"text": f"{self.what} was not ready within {patience:g} s"}
-        if first.get("kind") == "ready":
-            return str(first["text"])
-        self.close()
-        raise ListenerFailed(f"{first['text']}; nothing has moved")
 
     def _hear(self, output: BinaryIO, stop: Callable[[], None]) -> None:
         """Receive the process's lines until the end."""

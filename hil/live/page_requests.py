@@ -68,7 +68,6 @@ class Incoming:
     ----------
     connection : socket
         Non-blocking socket.
-    data : bytearray
     ends : float
         End of the time limit, on the monotonic clock [s].
     """
@@ -179,7 +178,6 @@ class Site(NamedTuple):
 
     Attributes
     ----------
-    streams : Streams
     stop : callable
         Function that requests a stop of the run.
     secret : str
@@ -198,13 +196,7 @@ class Site(NamedTuple):
 
 
 class Whole(NamedTuple):
-    """Complete request.
-
-    Attributes
-    ----------
-    connection : socket
-    data : bytes
-    """
+    """Complete request."""
 
     connection: socket.socket
     data: bytes
@@ -240,9 +232,20 @@ class Requests(BaseHTTPRequestHandler):
         if place is None:
             return
         if place == "events":
-            self._events()
+            head = "HTTP/1.0 200 OK\r\nContent-Type: text/event-stream\r\n"
+            head += "".join(f"{name}: {value}\r\n" for name, value in SECURITY.items())
+            client = self.site.streams.add(self.connection, f"{head}\r\n".encode())
+            if client is None:
+                self._text(HTTPStatus.SERVICE_UNAVAILABLE, "too many pages are open; close one")
+            else:
+                client.left.wait()
         elif place == PAGE:
-            self._page()
+            # answer with the page and its present headline, shown before any script has run
+            kind, files = FILES[PAGE]
+            headline = HEADLINE.format(html.escape(self.site.streams.headline))
+            page = _content(files, compressed=False)
+            content = page.replace(HEADLINE.format("").encode(), headline.encode())
+            self._answer(HTTPStatus.OK, kind, content)
         elif place in FILES:
             self._file(*FILES[place])
         elif place == "report" and self.site.report and Path(self.site.report).is_file():
@@ -323,23 +326,6 @@ class Requests(BaseHTTPRequestHandler):
             )
             return None
         return place
-
-    def _events(self) -> None:
-        head = "HTTP/1.0 200 OK\r\nContent-Type: text/event-stream\r\n"
-        head += "".join(f"{name}: {value}\r\n" for name, value in SECURITY.items())
-        client = self.site.streams.add(self.connection, f"{head}\r\n".encode())
-        if client is None:
-            self._text(HTTPStatus.SERVICE_UNAVAILABLE, "too many pages are open; close one")
-        else:
-            client.left.wait()
-
-    def _page(self) -> None:
-        """Answer with the page and its present headline, shown before any script has run."""
-        kind, files = FILES[PAGE]
-        headline = HEADLINE.format(html.escape(self.site.streams.headline))
-        page = _content(files, compressed=False)
-        content = page.replace(HEADLINE.format("").encode(), headline.encode())
-        self._answer(HTTPStatus.OK, kind, content)
 
     def _file(self, kind: str, files: tuple[Path, ...]) -> None:
         compressed = "gzip" in self.headers.get("Accept-Encoding", "")

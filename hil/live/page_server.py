@@ -66,7 +66,6 @@ class PageServer(ThreadingHTTPServer):
         IP address to listen on.
     port : int
         Port; 0 selects a free one.
-    site : Site
     """
 
     daemon_threads = True

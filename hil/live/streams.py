@@ -125,7 +125,11 @@ class Streams:
             self._sweep()
             if len(self._clients) >= CLIENTS_MAX:
                 return None
-            client = Client(connection, head + self._history_lines())
+            state = dict(self._state)
+            first, last = state.pop("start", b""), state.pop("end", b"")
+            client = Client(
+                connection, head + b"".join([first, *self._history, *state.values(), last])
+            )
             self._clients.append(client)
             self.opened = True
             client.flush()
@@ -166,11 +170,6 @@ class Streams:
             self._state[f"level of {said['axis']}"] = chunk
         elif kind in _STATES:
             self._state[kind] = chunk
-
-    def _history_lines(self) -> bytes:
-        state = dict(self._state)
-        first, last = state.pop("start", b""), state.pop("end", b"")
-        return b"".join([first, *self._history, *state.values(), last])
 
     def _sweep(self) -> None:
         self._clients = [client for client in self._clients if not client.left.is_set()]

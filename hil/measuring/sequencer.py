@@ -80,14 +80,8 @@ def _record(
     return finished(bus, recorder, measurement.highest_acceleration)
 
 
-def rest_and_exercise(bus: DriveBus, measurement: Friction) -> Iterator[tuple[float, float]]:
-    """Prepare friction by the planned history: rest, then motion up to the recording.
-
-    Yields
-    ------
-    tuple of float
-        Duration so far, and the bus's time [s].
-    """
+def _rest_and_exercise(bus: DriveBus, measurement: Friction) -> Iterator[tuple[float, float]]:
+    """Prepare friction by rest, then motion; yield the duration so far, and the bus's time [s]."""
     begin, rest = locate(bus).time, measurement.rest or 0.0
     while (now := locate(bus).time) - begin < rest:
         # reports at least every 5 s
@@ -109,7 +103,7 @@ MANNERS: dict[str, Callable[[DriveBus, Any], Recording]] = {
 }
 """Functions that carry out a kind of measurement and return the recording."""
 PREPARATIONS: dict[str, Callable[[DriveBus, Any], Iterator[tuple[float, float]]]] = {
-    "friction": rest_and_exercise,
+    "friction": _rest_and_exercise
 }
 """Preparations before the first attempt; yield their duration so far, and the bus's time [s]."""
 

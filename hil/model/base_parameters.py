@@ -165,7 +165,6 @@ def meanings(
 
     Parameters
     ----------
-    robot : Robot
     heads : sequence of str, length n_base
         Standard parameters at the head of each base parameter.
     matrix : ndarray, shape (n_base, n_standard)
@@ -279,7 +278,10 @@ def base_parameters(robot: Robot) -> BaseParameters:
     """
     heads, regrouped = _regroup(robot)
     sparse = [_put_in_sparsity(robot, row) for row in regrouped]
-    matrix = _numeric(robot, sparse)
+    matrix = np.zeros((len(sparse), 10 * robot.n_joints))
+    for index, row in enumerate(sparse):
+        for parameter, weight in row.items():
+            matrix[index, parameter] = weight.evaluate(robot.file.lengths)
     names = enumerate(robot.standard_parameters)  # free parameters: present and not tied
     free = {k for k, name in names if name in robot.present and name not in robot.ties}
     kept, dependence = _independent_rows(matrix, [head in free for head in heads])
@@ -293,7 +295,22 @@ def base_parameters(robot: Robot) -> BaseParameters:
     beside = np.zeros((len(placement), len(own))), np.zeros((len(unit), placement.shape[1]))
     matrix = np.hstack([links, weights])
     placement = np.block([[placement, beside[0]], [beside[1], unit]])
-    _cross_check(robot, mass, gravity, matrix, placement)
+    # compare the number of base parameters with the numeric rank of M and g
+    observed = _stack_elements(mass, gravity)
+    stated = observed @ _sparsity(robot)
+    rank = _rank(stated.T)
+    if rank != len(matrix):
+        raise RegroupingFailed(
+            f"{robot.name}: {len(matrix)} base parameters, but the numeric rank is {rank};"
+            " correct axes of the robot file that are almost, but not exactly, parallel or"
+            " perpendicular"
+        )
+    error = np.abs(stated - observed @ placement @ matrix).max(initial=0.0)
+    if error > ROUNDED_OFF * np.abs(stated).max(initial=0.0):
+        raise RegroupingFailed(
+            f"{robot.name}: torques by base parameters deviate by {error:g}; correct axes"
+            " that are almost, but not exactly, parallel or perpendicular"
+        )
     dependencies = find_dependencies(mass @ placement, gravity @ placement)
     standard, first = robot.standard_parameters, 10 * robot.n_joints
     every = [*(heads[k] for k in kept), *(first + k for k in own)]
@@ -365,23 +382,10 @@ def _put_in_sparsity(robot: Robot, row: Combination) -> Combination:
     return {parameter: weight for parameter, weight in sorted(tidy.items()) if weight}
 
 
-def _numeric(robot: Robot, rows: Sequence[Combination]) -> Array:
-    matrix = np.zeros((len(rows), 10 * robot.n_joints))
-    for index, row in enumerate(rows):
-        for parameter, weight in row.items():
-            matrix[index, parameter] = weight.evaluate(robot.file.lengths)
-    return matrix
-
-
 def _independent_rows(matrix: Array, headed: Sequence[bool]) -> tuple[list[int], Array]:
     """Choose spanning rows of `matrix`, those with a present head first.
 
-    Returns
-    -------
-    kept : list of int
-        Indices of the spanning rows, in order.
-    dependence : array, shape (n_rows, n_kept)
-        All rows as combinations of the kept rows.
+    Returns indices in order, and all rows as combinations of the kept rows, (n_rows, n_kept).
     """
     if len(matrix) and _rank(matrix) == len(matrix):  # most robots need no search
         return list(range(len(matrix))), np.eye(len(matrix))
@@ -402,27 +406,6 @@ def _stack_elements(mass: Array, gravity: Array) -> Array:
     """Stack the elements of M and g at all configurations, per unit of every standard parameter."""
     n = mass.shape[-1]
     return np.vstack([mass.reshape(-1, n), gravity.reshape(-1, n)])
-
-
-def _cross_check(
-    robot: Robot, mass: Array, gravity: Array, matrix: Array, placement: Array
-) -> None:
-    """Compare the number of base parameters with the numeric rank of M and g."""
-    observed = _stack_elements(mass, gravity)
-    stated = observed @ _sparsity(robot)
-    rank = _rank(stated.T)
-    if rank != len(matrix):
-        raise RegroupingFailed(
-            f"{robot.name}: {len(matrix)} base parameters, but the numeric rank is {rank};"
-            " correct axes of the robot file that are almost, but not exactly, parallel or"
-            " perpendicular"
-        )
-    error = np.abs(stated - observed @ placement @ matrix).max(initial=0.0)
-    if error > ROUNDED_OFF * np.abs(stated).max(initial=0.0):
-        raise RegroupingFailed(
-            f"{robot.name}: torques by base parameters deviate by {error:g}; correct axes"
-            " that are almost, but not exactly, parallel or perpendicular"
-        )
 
 
 def _sparsity(robot: Robot) -> Array:

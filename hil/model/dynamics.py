@@ -93,7 +93,10 @@ def regressors(
 ) -> list[Array]:
     """Compute regressors at the same positions for several velocities and accelerations."""
     model = _model(robot)
-    wanted = _rows(robot, joints)
+    wanted = np.arange(robot.n_joints) if joints is None else np.array(joints, dtype=np.int64)
+    outside = wanted[(wanted < 0) | (wanted >= robot.n_joints)]
+    if outside.size:
+        raise ValueError(f"joint index {outside[0]} must be in 0..{robot.n_joints - 1}")
     rows = np.array(sorted(set(wanted.tolist())), dtype=np.int64)  # np.unique would import numpy.ma
     moved = [_samples(robot, q, *each) for each in rates]
     at = moved[0][0]
@@ -273,14 +276,6 @@ def _torques(
         if gravity is not _WEIGHTLESS:
             every += added_loads(robot, at.reshape(every.shape[1:]))[..., model.added] @ own
     return list(every.reshape(-1, *at.shape))
-
-
-def _rows(robot: Robot, joints: Sequence[int] | None) -> Integers:
-    rows = np.arange(robot.n_joints) if joints is None else np.array(joints, dtype=np.int64)
-    outside = rows[(rows < 0) | (rows >= robot.n_joints)]
-    if outside.size:
-        raise ValueError(f"joint index {outside[0]} must be in 0..{robot.n_joints - 1}")
-    return rows
 
 
 def _samples(

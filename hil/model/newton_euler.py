@@ -81,7 +81,6 @@ class Joint:
         Cosine and sine of the rotation about the joint's axis.
     arm : vector
         Origin of the frame in the parent's frame [m].
-    revolute : bool
     parent : int
         Index of the parent, lower than the joint's own; -1 for the base.
     cg, sg : scalar
@@ -230,11 +229,7 @@ def dot(x: Vector, y: Vector) -> Scalar:
 
 def cross(x: Vector, y: Vector) -> Vector:
     """Compute the cross product of two vectors."""
-    return (
-        x[1] * y[2] - x[2] * y[1],
-        x[2] * y[0] - x[0] * y[2],
-        x[0] * y[1] - x[1] * y[0],
-    )
+    return (x[1] * y[2] - x[2] * y[1], x[2] * y[0] - x[0] * y[2], x[0] * y[1] - x[1] * y[0])
 
 
 def _times(matrix: Matrix, x: Vector) -> Vector:

@@ -376,10 +376,7 @@ def unknown_for_motion(robot: RobotArrays) -> Iterator[Problem]:
             if np.isnan(getattr(robot, key)[j]):
                 yield ("joints", j, key), _NEEDED
         if joint.drive is None:
-            yield (
-                ("joints", j),
-                "drive is not stated; motions need its gear_ratio",
-            )
+            yield (("joints", j), "drive is not stated; motions need its gear_ratio")
             continue
         for key in ("gear_ratio", "torque_constant"):
             if np.isnan(getattr(robot, key)[j]):

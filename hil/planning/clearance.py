@@ -93,7 +93,29 @@ def find_hits(
         if len(owner) > _CHUNK:
             cells += [(owner[s], low[s], high[s]) for s in (slice(_CHUNK), slice(_CHUNK, None))]
             continue
-        undecided = _judge(robot, workspace, sweep, (owner, low, high), best, found)
+        middle = sweep.configurations(owner, (low + high) / 2)
+        half = _farthest(
+            middle, sweep.configurations(owner, low), sweep.configurations(owner, high)
+        )
+        slack = (
+            sweep.configurations(owner, low - sweep.slack),
+            sweep.configurations(owner, high + sweep.slack),
+        )
+        reach = capsules(robot).reach
+        bound = _farthest(middle, *slack) @ reach.T
+        small = (half @ reach.T).max(axis=1) < RESOLUTION
+        depth = intrusions(robot, workspace, middle)
+        sure = depth + np.where(small[:, None], bound, 0.0)[..., None]
+        flat = sure.reshape(len(owner), -1)
+        largest = flat.argmax(axis=1)
+        for cell in np.flatnonzero(flat.max(axis=1) > best[owner]).tolist():
+            value = float(flat[cell, largest[cell]])
+            if value > best[owner[cell]]:
+                link, box = divmod(int(largest[cell]), len(workspace.boxes))
+                best[owner[cell]] = value
+                found[int(owner[cell])] = Hit(link, box, value, middle[cell])
+        possible = (depth + bound[..., None]).reshape(len(owner), -1).max(axis=1)
+        undecided = (possible > best[owner]) & ~small
         if not deepest:
             undecided &= best[owner] == 0.0
         if undecided.any():
@@ -133,40 +155,6 @@ def box_distance(first: Array, last: Array, low: Sequence[float], high: Sequence
     return np.asarray(np.linalg.norm(nearest - np.clip(nearest, low, high), axis=-1))
 
 
-def _judge(
-    robot: Robot,
-    workspace: Workspace,
-    sweep: Sweep,
-    cells: tuple[Indices, Array, Array],
-    best: Array,
-    found: dict[int, Hit],
-) -> Mask:
-    """Note hits in `best` and `found`; return the cells to be halved."""
-    owner, low, high = cells
-    middle = sweep.configurations(owner, (low + high) / 2)
-    half = _farthest(middle, sweep.configurations(owner, low), sweep.configurations(owner, high))
-    slack = (
-        sweep.configurations(owner, low - sweep.slack),
-        sweep.configurations(owner, high + sweep.slack),
-    )
-    reach = capsules(robot).reach
-    bound = _farthest(middle, *slack) @ reach.T
-    small = (half @ reach.T).max(axis=1) < RESOLUTION
-    depth = intrusions(robot, workspace, middle)
-    sure = depth + np.where(small[:, None], bound, 0.0)[..., None]
-    flat = sure.reshape(len(owner), -1)
-    deepest = flat.argmax(axis=1)
-    for cell in np.flatnonzero(flat.max(axis=1) > best[owner]).tolist():
-        value = float(flat[cell, deepest[cell]])
-        if value > best[owner[cell]]:
-            link, box = divmod(int(deepest[cell]), len(workspace.boxes))
-            best[owner[cell]] = value
-            found[int(owner[cell])] = Hit(link, box, value, middle[cell])
-    possible = (depth + bound[..., None]).reshape(len(owner), -1).max(axis=1)
-    undecided: Mask = (possible > best[owner]) & ~small
-    return undecided
-
-
 def _farthest(middle: Array, first: Array, last: Array) -> Array:
     return np.maximum(np.abs(first - middle), np.abs(last - middle))
 
@@ -178,8 +166,6 @@ def intrusions(robot: Robot, workspace: Workspace, q: Array) -> Array:
 
     Parameters
     ----------
-    robot : Robot
-    workspace : Workspace
     q : array (n, n_joints)
         Configurations [rad or m].
     """

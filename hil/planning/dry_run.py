@@ -138,9 +138,15 @@ def dry_run(
                 Problem(("measurements", number, "sine"), message)
                 for message in check_lag(measurement, robot, following)
             ]
+    total: defaultdict[str, float] = defaultdict(float)
+    for entry in timetable(plan, robot, plan.measurements):
+        total[entry.measurement.kind] += entry.duration
+        total["travel"] += entry.travel
+    if plan.warm_up:
+        total["warm-up"] = plan.warm_up.duration
     return DryRun(
         counts=dict(Counter(m.kind for m in plan.measurements)),
-        durations=_durations(plan, robot),
+        durations=dict(total),
         bus=bus,
         bus_load=bus.duration / plan.sample_period if bus else 0.0,
         problems=tuple(measurements + list(_check_load(bus, plan))),
@@ -160,16 +166,6 @@ def measurement_problems(plan: Plan, robot: Robot) -> list[Problem]:
         for number, measurement in enumerate(plan.measurements)
         for problem in _check(number, measurement, guarded, plan.sample_period)
     ]
-
-
-def _durations(plan: Plan, robot: Robot) -> dict[str, float]:
-    total: defaultdict[str, float] = defaultdict(float)
-    for entry in timetable(plan, robot, plan.measurements):
-        total[entry.measurement.kind] += entry.duration
-        total["travel"] += entry.travel
-    if plan.warm_up:
-        total["warm-up"] = plan.warm_up.duration
-    return dict(total)
 
 
 def _check_load(bus: BusCycle | None, plan: Plan) -> Iterator[Problem]:
@@ -207,7 +203,17 @@ def _check(number: int, measurement: Measurement, robot: Robot, period: float) -
     yield from _check_profile(here, measurement.id, measurement, robot)
     for partner in measurement.partners:
         yield from _check_profile((*here, "partner"), measurement.id, partner, robot)
-    yield from _check_window((*here, "stroke"), measurement, robot)
+    cruise, lacking = measurement.cruise, measurement.lacking
+    if cruise is not None and lacking:
+        unit = robot.position_unit(measurement.index)
+        length = measurement.stroke + lacking * measurement.velocity
+        yield Problem(
+            (*here, "stroke"),
+            f"{measurement.id}: {measurement.stroke:g} {unit} leaves"
+            f" {cruise.duration - lacking:.3g} s of {cruise.purpose}, must be at least"
+            f" {cruise.duration:.3g} s; lengthen the stroke to {length:.3g} {unit} or lower the"
+            " velocity",
+        )
 
 
 def _check_profile(
@@ -222,23 +228,6 @@ def _check_profile(
                 f"{where}: {value:g} {unit}{per} is above the limit of joint {index + 1}, {limit:g}"
                 f" {unit}{per}; {_remedy(unit, value, -limit, limit, 'plan a lower one')}",
             )
-
-
-def _check_window(
-    here: tuple[str | int, ...], measurement: Strokes, robot: Robot
-) -> Iterator[Problem]:
-    """Report a stroke too short for constant velocity or for the partner's strokes."""
-    cruise, lacking = measurement.cruise, measurement.lacking
-    if cruise is None or not lacking:
-        return
-    unit = robot.position_unit(measurement.index)
-    length = measurement.stroke + lacking * measurement.velocity
-    yield Problem(
-        here,
-        f"{measurement.id}: {measurement.stroke:g} {unit} leaves {cruise.duration - lacking:.3g} s"
-        f" of {cruise.purpose}, must be at least {cruise.duration:.3g} s; lengthen the stroke to"
-        f" {length:.3g} {unit} or lower the velocity",
-    )
 
 
 def _remedy(unit: str, value: float, low: float, high: float, remedy: str) -> str:

@@ -187,7 +187,6 @@ class Kind:
 
     Attributes
     ----------
-    model : type
     seen : str
         Visible motion, for `str.format` with `axis` and `partner`, from 1.
     shows : str

@@ -91,13 +91,7 @@ def refuse_unfit(
 
 
 def misfits(workspace: Workspace, robot: Robot) -> Iterator[tuple[Place, str]]:
-    """Yield key and reason of every value in the workspace unsuitable for `robot`.
-
-    Parameters
-    ----------
-    workspace : Workspace
-    robot : Robot
-    """
+    """Yield key and reason of every value in the workspace unsuitable for `robot`."""
     for joint, (low, high) in workspace.ranges.items():
         if not 1 <= joint <= robot.n_joints:
             yield ("ranges", joint), f"{robot.name} has joints 1 to {robot.n_joints}"
@@ -201,7 +195,6 @@ def opened_plan(
 
     Parameters
     ----------
-    plan : Plan or path
     robot : Robot, path or str, optional
         Robot, by default the one named in the plan.
     workspace : Workspace or path, optional

@@ -39,9 +39,7 @@ trajectory all axes accelerate and load each other. At a share of 0.9, drives of
 saturate and fault."""
 ROUNDED = 0.5e-6
 """Rounding error of amplitudes in plans, a bound on non-zero sums [rad or m]."""
-_WHY = {
-    "acceleration": f", {ACCELERATION_SHARE:.0%} of its limit, to allow for coupling",
-}
+_WHY = {"acceleration": f", {ACCELERATION_SHARE:.0%} of its limit, to allow for coupling"}
 
 
 class Trajectory(FileModel):

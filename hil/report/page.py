@@ -42,7 +42,6 @@ def carried(run: ReportedRun, ids: Collection[str], played: Collection[str]) -> 
 
     Parameters
     ----------
-    run : ReportedRun
     ids : collection of str
         Measurements behind points.
     played : collection of str

@@ -63,10 +63,6 @@ class ReportedRun:
     Results missing in the run are identified as by `hil identify`, and kept; a run about friction
     alone is not identified.
 
-    Attributes
-    ----------
-    source : Run
-
     Raises
     ------
     FileError
@@ -170,12 +166,7 @@ class ReportedRun:
 def _neighbour(run: Run, path: Path) -> Path:
     """Return the path of a run that a file of another run names, if both share a folder.
 
-    The folder may be a stranger's, and its report shows the recordings of the runs that it names.
-
-    Raises
-    ------
-    FileError
-        The run is elsewhere.
+    The folder may be a stranger's, and its report shows the recordings of the named runs.
     """
     folder = run.path.resolve().parent
     if not path.resolve().is_relative_to(folder):

@@ -32,14 +32,7 @@ from hil.measuring.checks.recording_checks import UNTIMED
 from hil.model.base_parameters import base_parameters
 from hil.planning.measurement import ELEMENT_KINDS
 from hil.planning.prediction.identifiability import group_observations
-from hil.results.judgement import (
-    FEWEST,
-    NOTABLE,
-    Reservation,
-    doubtful,
-    good,
-    reservations,
-)
+from hil.results.judgement import FEWEST, NOTABLE, Reservation, doubtful, good, reservations
 from hil.results.prediction import FreeTorques
 from hil.show.rounding import signed, significant, unit
 from hil.show.table import Table, figures, table
@@ -135,10 +128,8 @@ class CampaignResult(NamedTuple):
 
     Attributes
     ----------
-    model : Model
     effect : ndarray, shape (n_joints, n_base)
         Effect of the parameters' errors on the torques of a free motion (`effect_of_errors`).
-    plan : Plan
     measured : sequence of Measured
         Finished measurements of the plan.
     """

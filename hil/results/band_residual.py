@@ -60,7 +60,6 @@ def band_residual(model: Model, recorded: Recorded) -> BandResidual | None:
 
     Parameters
     ----------
-    model : Model
     recorded : iterable of (RecordedMotion, Recording)
         Recordings of the same robot.
 

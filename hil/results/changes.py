@@ -40,7 +40,7 @@ from hil.show.rounding import probability, rounded, signed, significant, uncerta
 from hil.show.table import Column, Table, figures, table
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping, Sequence
+    from collections.abc import Sequence
 
     from numpy.typing import ArrayLike
 
@@ -72,7 +72,6 @@ class Change(NamedTuple):
     ----------
     run, against : str
         Labels of the newer and of the earlier run.
-    quantity : Quantity
     before : float
         Value in the earlier run [unit of the quantity]; a friction level includes the change common
         to all axes.
@@ -160,9 +159,7 @@ def change(
 
 
 def common_friction(
-    quantities: Sequence[Quantity],
-    new: Sequence[Reading | None],
-    old: Sequence[Reading | None],
+    quantities: Sequence[Quantity], new: Sequence[Reading | None], old: Sequence[Reading | None]
 ) -> float:
     """Return the common relative change of friction; 0 if known for too few axes."""
     shares = {
@@ -235,7 +232,6 @@ class Rescaled(NamedTuple):
 
     Attributes
     ----------
-    run, against : str
     axis : int
         Number from 1.
     share, half_width : float
@@ -276,36 +272,28 @@ def rescaled(model: IdentifiedRobot, tests: Sequence[Change]) -> Rescaled | None
     marked = sum(each.marked for each in tests)
     if model.torque_effect is None or not marked:
         return None
-    found = (
-        _axis_factor(axis, dict(zip(model.names, each.tolist(), strict=True)), tests, marked)
-        for axis, each in enumerate(model.torque_effect.T)
-    )
-    best = [each for each in found if each is not None]
-    return min(best, key=lambda each: each.half_width / abs(each.share), default=None)
-
-
-def _axis_factor(
-    axis: int, effects: Mapping[str, float], tests: Sequence[Change], marked: int
-) -> Rescaled | None:
-    """Fit the torque factor of an axis (from 0); `effects` on base parameters are given by name."""
-    # change of each quantity per relative change of the axis's torque
-    effect = np.array([
-        effects[each.quantity.name] if each.quantity.axis is None
-        else each.before if each.quantity.axis == axis + 1 else 0.0
-        for each in tests
-    ])  # fmt: skip
-    sizes = np.array([each.size for each in tests])
-    shown = effect / np.array([each.half_width or np.inf for each in tests])
-    if np.count_nonzero(shown) < 2:
-        return None
-    share, half = _fitted(effect, sizes, shown)
-    others = np.arange(len(tests)) != np.argmax(np.abs(shown))
-    by_others, half_by_others = _fitted(effect[others], sizes[others], shown[others])
-    left = adjusted([each.less(share * e) for each, e in zip(tests, effect.tolist(), strict=True)])
-    if any(each.marked for each in left) or by_others * np.sign(share) < SURE * half_by_others:
-        return None
-    first = tests[0]
-    return Rescaled(first.run, first.against, axis + 1, share, half, marked)
+    found: list[Rescaled] = []
+    for axis, of_base in enumerate(model.torque_effect.T.tolist(), start=1):
+        effects = dict(zip(model.names, of_base, strict=True))
+        # change of each quantity per relative change of the axis's torque
+        effect = np.array([
+            effects[each.quantity.name] if each.quantity.axis is None
+            else each.before if each.quantity.axis == axis else 0.0
+            for each in tests
+        ])  # fmt: skip
+        sizes = np.array([each.size for each in tests])
+        shown = effect / np.array([each.half_width or np.inf for each in tests])
+        if np.count_nonzero(shown) < 2:
+            continue
+        share, half = _fitted(effect, sizes, shown)
+        others = np.arange(len(tests)) != np.argmax(np.abs(shown))
+        by_others, half_by_others = _fitted(effect[others], sizes[others], shown[others])
+        pairs = zip(tests, effect.tolist(), strict=True)
+        left = adjusted([each.less(share * per_unit) for each, per_unit in pairs])
+        if any(each.marked for each in left) or by_others * np.sign(share) < SURE * half_by_others:
+            continue
+        found.append(Rescaled(tests[0].run, tests[0].against, axis, share, half, marked))
+    return min(found, key=lambda each: each.half_width / abs(each.share), default=None)
 
 
 def _fitted(effect: Array, sizes: Array, shown: Array) -> tuple[float, float]:

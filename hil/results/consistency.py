@@ -44,7 +44,6 @@ def find_consistent_robot(
 
     Parameters
     ----------
-    model : Model
     recorded : iterable of (RecordedMotion, Recording)
         Motions over which torques are compared.
     bounds : BodyBounds, optional
@@ -57,14 +56,8 @@ def find_consistent_robot(
         No bodies meet the bounds.
     """
     found = nearest_robot(model.robot, model.values, model.covariance, bounds, likely, likely_from)
-    costs = _torque_costs(model, found, recorded)
-    return replace(model, consistent=found.model_copy(update={"torque": costs}))
-
-
-def _torque_costs(
-    model: Model, found: ConsistentRobot, recorded: Recorded, runs: int = 100, most: int = 200
-) -> tuple[TorqueCost, ...]:
-    """Return costs over up to `runs` recordings of about `most` samples, enough for an rms."""
+    # up to 100 recordings of about 200 samples, enough for an rms
+    runs, most = 100, 200
     n, products = 0, 0.0
     for motion, recording in recorded:
         try:
@@ -84,18 +77,16 @@ def _torque_costs(
         n, runs = n + len(A), runs - 1
         if not runs:
             break
-    if not n:
-        return ()
     change = found.p - model.values
-    squares = np.array(products) / n
-    return tuple(
+    costs = tuple(
         TorqueCost(
             change=_root(change @ G @ change),
             standard_error=_root(np.sum(G * model.covariance)),
             torque=_root(model.values @ G @ model.values),
         )
-        for G in squares
+        for G in (np.array(products) / n if n else ())
     )
+    return replace(model, consistent=found.model_copy(update={"torque": costs}))
 
 
 def _root(square: float) -> float:

@@ -29,7 +29,7 @@ import numpy as np
 
 from checked_files.yaml_file import FileModel, read_text
 from hil.errors import FileError, NotEnoughData, NotIdentifiable
-from hil.estimation.fit_details import MeasurementFit
+from hil.estimation.estimate import MeasurementFit
 from hil.estimation.identify import JOINT
 from hil.estimation.options import DEFAULTS
 from hil.results.provenance import RunStamp
@@ -112,13 +112,10 @@ def identify_and_keep(
 
     Parameters
     ----------
-    run : Run
-    method : str
     others : sequence of Run
         Runs identified jointly with `run`.
     campaign : sequence of Measured, optional
         All measurements of the run, if already read.
-    options : Options
 
     Raises
     ------

@@ -48,15 +48,7 @@ from checked_files.budget import refuse_beyond
 from checked_files.foreign_text import whole_line
 from checked_files.yaml_file import FileError
 from hil.optional_packages import needed_for
-from hil.results.changes import (
-    FEWEST,
-    UNLIKE,
-    Change,
-    adjusted,
-    change,
-    common_shares,
-    p_values,
-)
+from hil.results.changes import FEWEST, UNLIKE, Change, adjusted, change, common_shares, p_values
 from hil.results.quantities import Kind, Quantity, Reading, friction_quantities, quantities, reading
 from hil.runs.atomic_file import write_file
 
@@ -93,8 +85,6 @@ class Fleet:
 
     Attributes
     ----------
-    machines : tuple of str
-    quantities : tuple of Quantity
     machine : ndarray, shape (n_runs,)
         Index into `machines`, ascending.
     time : ndarray, shape (n_runs,)
@@ -198,11 +188,8 @@ def runs_in_ten_years(fleet: Fleet) -> float:
 def _remove_temperature(fleet: Fleet, first: Mask, newest: Mask) -> tuple[Array, Array]:
     """Divide friction by its response to temperature.
 
-    Returns
-    -------
-    value : ndarray, shape (n_runs, n_quantities)
-    error : ndarray, shape (n_machines, n_quantities)
-        Standard error of a machine's deviation due to the uncertainty of the response.
+    Returns values, shape (n_runs, n_quantities), and standard errors of deviations of the machines
+    by the uncertainty of the response, shape (n_machines, n_quantities).
     """
     value, machines = fleet.value.copy(), np.arange(len(fleet.machines))
     error = np.zeros((len(machines), value.shape[1]))

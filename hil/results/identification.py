@@ -210,7 +210,6 @@ def identified(
 
     Parameters
     ----------
-    run : Run
     method : str, optional
         One of `hil.estimation.identify.METHODS`; by default chosen by the kind of recordings
         (`method_for`).
@@ -283,10 +282,29 @@ def model_of(
     prior = None
     if options.prior is not None and found.prior_share is not None:
         prior = options.prior.stated(found.names, found.prior_share)
+    sessions = run.journal.sessions
     model = Model(
         # the joint fit holds all samples and is no longer needed
         **vars(found) | {"joint": None},
-        provenance=_provenance(run, found, others),
+        provenance=Provenance(
+            robot=run.robot.name,
+            robot_digest=run.robot.digest,
+            plan_digest=run.journal.plan_digest,
+            measured=sessions[-1].started if sessions else "",
+            bus=sessions[-1].bus if sessions else "",
+            simulated=any(each.journal.simulated for each in (run, *others)),
+            drives=tuple(axis.identity for axis in sessions[-1].axes) if sessions else (),
+            measurements=found.n_measurements,
+            missing=sum(len(each.missing) for each in (run, *others)),
+            together_with=tuple(str(each.path) for each in others),
+            left_out=tuple(str(left) for left in found.left_out),
+            without=tuple(sorted(run.set_aside)),
+            warnings=tuple(line for each in (run, *others) for line in each.journal.warnings),
+            identified=now(),
+            method=found.method,
+            version=__version__,
+            recordings=tuple(digest for each in (run, *others) for digest in digests(each)),
+        ),
         error_budget=error_budget(found),
         excluded=proof,
         prior=prior,
@@ -298,29 +316,6 @@ def rejudged(model: Model, recorded: Recorded, options: Options = DEFAULTS) -> M
     """Return a model with the residual over the fixed band, and judged by this residual."""
     model = replace(model, band_residual=band_residual(model, recorded))
     return replace(model, verdict=verdict(model, options.accuracy))
-
-
-def _provenance(run: Run, found: Estimate, others: Sequence[Run]) -> Provenance:
-    sessions = run.journal.sessions
-    return Provenance(
-        robot=run.robot.name,
-        robot_digest=run.robot.digest,
-        plan_digest=run.journal.plan_digest,
-        measured=sessions[-1].started if sessions else "",
-        bus=sessions[-1].bus if sessions else "",
-        simulated=any(each.journal.simulated for each in (run, *others)),
-        drives=tuple(axis.identity for axis in sessions[-1].axes) if sessions else (),
-        measurements=found.n_measurements,
-        missing=sum(len(each.missing) for each in (run, *others)),
-        together_with=tuple(str(each.path) for each in others),
-        left_out=tuple(str(left) for left in found.left_out),
-        without=tuple(sorted(run.set_aside)),
-        warnings=tuple(line for each in (run, *others) for line in each.journal.warnings),
-        identified=now(),
-        method=found.method,
-        version=__version__,
-        recordings=tuple(digest for each in (run, *others) for digest in digests(each)),
-    )
 
 
 def experience(folders: Sequence[Run]) -> Levels:

@@ -128,7 +128,6 @@ class Judgement(Reservation):
 
         Parameters
         ----------
-        found : iterable of Reservation
         good : callable
             Function that returns the reason for a good result.
         **more : object
@@ -197,7 +196,6 @@ class When:
     look : callable
         Function of a subject that returns the value of ``{0}`` in `reason`, or a false value if the
         rule does not apply.
-    reason, remedy : str
     word : {"good", "doubtful", "failed"}
     """
 

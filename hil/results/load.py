@@ -66,8 +66,6 @@ class BareRun:
     ----------
     run : Run
         First run.
-    runs : tuple of Run
-    options : Options
     """
 
     def __init__(self, *runs: Run, options: Options = DEFAULTS) -> None:
@@ -279,13 +277,8 @@ def estimated(*runs: Run, options: Options = DEFAULTS) -> Estimate:
     return found_in(first, method).model
 
 
-def require_load(found: Load, absent: float = 0.01) -> None:
+def require_load(found: Load) -> None:
     """Raise an error for an insignificant load or a negative mass.
-
-    Parameters
-    ----------
-    absent : float
-        Largest p-value of a significant load, under the hypothesis of no load.
 
     Raises
     ------
@@ -297,7 +290,8 @@ def require_load(found: Load, absent: float = 0.01) -> None:
             f"the mass of the load would be {mass:.4g} ± {error:.2g} kg: these runs are swapped, or"
             " the run without the load carried a load; name the run without the load first"
         )
-    if found.present.p_value > absent:
+    # largest p-value of a significant load, under the hypothesis of no load
+    if found.present.p_value > 0.01:
         figure = f"its mass would be {mass:.3g} ± {error:.2g} kg" if error else "nothing changed"
         raise NoLoad(
             f"load not significant: {figure} (p = {found.present.p_value:.2g}); check that this "

@@ -92,14 +92,12 @@ class LoadFile(KeptResult):
 
     Attributes
     ----------
-    without : RunStamp
     loaded : tuple of RunStamp
         Runs with the load.
     mass : float or None
         Stated mass [kg].
     verdict : tuple of str
         Sentences for the operator.
-    rigidity : tuple of AxisMisfit
     unseen : tuple of str
         Parameters of the load that the robot file states as zero.
     unidentifiable : tuple of str
@@ -162,11 +160,7 @@ def _finite(value: float) -> float | None:
 
 
 def write_load(
-    path: Path,
-    without: Run,
-    loaded: Sequence[Run],
-    found: LoadFit,
-    verdict: Sequence[str],
+    path: Path, without: Run, loaded: Sequence[Run], found: LoadFit, verdict: Sequence[str]
 ) -> LoadFile:
     """Write `load.yaml` into the folder `path`, atomically; return its content."""
     load, before, after, own = found.load, found.before, found.after, found.own

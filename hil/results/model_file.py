@@ -20,8 +20,8 @@ from checked_files.yaml_file import FileError, FileModel, line_of, parse_yaml, r
 from checked_files.yaml_lines import write_lines
 from hil.estimation.back_and_forth.result import BackAndForthFit
 from hil.estimation.consistent.result import ConsistentRobot
+from hil.estimation.estimate import NO_DETAILS
 from hil.estimation.excluded.result import ErrorTerm, Excluded
-from hil.estimation.fit_details import NO_DETAILS
 from hil.estimation.free_motion.result import FreeMotionFit
 from hil.estimation.intervals import MANY, Edge, degrees_behind
 from hil.estimation.local_fits import LocalValue

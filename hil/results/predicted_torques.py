@@ -22,12 +22,7 @@ from hil.errors import NotEnoughData
 from hil.estimation.condensed import stack
 from hil.estimation.signals import signals
 from hil.friction.equation import ASYMMETRIC
-from hil.friction.law import (
-    friction_torque,
-    friction_variance,
-    level_along,
-    level_anywhere,
-)
+from hil.friction.law import friction_torque, friction_variance, level_along, level_anywhere
 from hil.least_squares.solving import orthonormal
 from hil.model.dynamics import inverse_dynamics
 from hil.planning.measurement import shows_parameters
@@ -46,15 +41,12 @@ if TYPE_CHECKING:
 
 
 def predicted_torques(
-    model: Model,
-    recorded: Iterable[tuple[RecordedMotion, Recording]],
-    past: History | None = None,
+    model: Model, recorded: Iterable[tuple[RecordedMotion, Recording]], past: History | None = None
 ) -> Iterator[PredictedTorque]:
     """Predict the torques of all recordings in sequence, skipping unusable recordings.
 
     Parameters
     ----------
-    model : Model
     recorded : iterable of (RecordedMotion, Recording)
     past : History, optional
         Motion history of the axes, which bounds the deviation of friction from the law; by default

@@ -27,37 +27,25 @@ if TYPE_CHECKING:
 
 
 def free_motion(
-    robot: Robot,
-    seed: int = 0,
-    speed: ArrayLike | None = None,
-    *,
-    share: float = 0.9,
-    harmonics: int = 5,
-    period: float = 10.0,
-    samples: int = 2000,
+    robot: Robot, seed: int = 0, speed: ArrayLike | None = None
 ) -> tuple[Array, Array, Array]:
     """Return one period of a random motion within the limits of `robot`, determined by the seed.
 
-    Joints are scaled separately, so each is as fast as the tightest of its limits allows.
+    Joints are scaled separately, so each is as fast as 0.9 of the tightest of its limits allows.
 
     Parameters
     ----------
     robot : Robot
         Robot with limits; unknown limits (NaN) do not limit.
-    seed : int
     speed : array_like, shape (n_joints,), optional
         Speed in place of an unknown velocity limit [rad/s or m/s].
-    share : float
-        Largest share of each limit used by the motion.
-    harmonics, period, samples
-        Number of harmonics, period of the first [s] and number of samples.
 
     Returns
     -------
-    q, qd, qdd : ndarray, shape (samples, n_joints)
-        [rad, rad/s, rad/s^2], for prismatic joints [m, m/s, m/s^2].
+    q, qd, qdd : ndarray, shape (2000, n_joints)
+        Five harmonics of 10 s [rad, rad/s, rad/s^2], for prismatic joints [m, m/s, m/s^2].
     """
-    rng = np.random.default_rng(seed)
+    rng, harmonics, period, samples = np.random.default_rng(seed), 5, 10.0, 2000
     order = 2 * np.pi / period * np.arange(1, harmonics + 1)
     phase = np.outer(np.arange(samples) * period / samples, order)
     a, b = rng.standard_normal((2, harmonics, robot.n_joints)) / order[:, np.newaxis]
@@ -73,7 +61,7 @@ def free_motion(
         np.abs(qd).max(axis=0) / velocity,
         np.abs(qdd).max(axis=0) / robot.acceleration_limit,
     ]
-    scale = share / np.fmax.reduce(shares)
+    scale = 0.9 / np.fmax.reduce(shares)
     return np.nan_to_num(middle) + scale * q, scale * qd, scale * qdd
 
 

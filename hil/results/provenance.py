@@ -93,7 +93,6 @@ class RunStamp(FileModel):
         Path relative to the folder of the result.
     measured : str
         Start of the last session.
-    robot_digest, plan_digest : str
     recordings : str
         Digest of all recordings, byte by byte.
     """

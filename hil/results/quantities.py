@@ -24,7 +24,6 @@ from hil.model.base_parameters import base_parameters
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator, Sequence
 
-    from hil.friction.law import AxisLaw
     from hil.model.robot import Robot
     from hil.results.identified_robot import IdentifiedRobot
 
@@ -46,7 +45,6 @@ class Quantity(NamedTuple):
     name : str
         ``p5``, ``friction of axis 3 at 0.5 rad/s`` or ``offset of axis 3``.
     kind : {"gravity parameter", "inertia parameter", "friction level", "offset"}
-    unit : str
     about : str
         Expression of a parameter; empty for friction and offsets.
     axis : int or None
@@ -129,8 +127,6 @@ def reading(
 
     Parameters
     ----------
-    model : IdentifiedRobot
-    quantity : Quantity
     least_wander : float
         Minimum change of the friction level by temperature, as a share, for any campaign.
     unknown_wander : float
@@ -146,7 +142,11 @@ def reading(
     law = model.friction_law.axes[quantity.axis - 1]
     if law is None:
         return None
-    degrees = _degrees(model, law)
+    degrees = 2.0  # the fewest, without measurements of the axis
+    if law.measurements is not None:
+        degrees = max(float(law.measurements - len(law.terms)), degrees)
+    elif model.details.with_law:
+        degrees = float(np.median(model.degrees_of_freedom))
     if quantity.speed is None:
         # the offset of a law with |u| is its value at rest, otherwise the mean over all speeds
         offset = law.plain.get("offset")
@@ -174,16 +174,3 @@ def _friction(robot: Robot, axis: int, speeds: Iterable[float]) -> Iterator[Quan
         name = f"friction of axis {axis + 1} at {speed:g} {robot.position_unit(axis)}/s"
         yield Quantity(name, "friction level", unit, axis=axis + 1, speed=speed)
     yield Quantity(f"offset of axis {axis + 1}", "offset", unit, axis=axis + 1)
-
-
-def _degrees(model: IdentifiedRobot, law: AxisLaw, fewest: float = 2.0) -> float:
-    """Return the degrees of freedom of a friction law's residual.
-
-    The degrees follow from the number of the axis's measurements or from those of the base
-    parameters. Without both, `fewest` is returned.
-    """
-    if law.measurements is not None:
-        return max(float(law.measurements - len(law.terms)), fewest)
-    if model.details.with_law:
-        return float(np.median(model.degrees_of_freedom))
-    return fewest

@@ -264,7 +264,21 @@ def predict_whole(
     torque = rigid + motor_torque(model.robot, motion.q, motion.qd, motion.qdd)
     torque += _friction(model, motion, rigid, axes)
     predicted = motion.passed(torque + motion.gears)
-    error = motion.used(_parameter_error(model, motion, A, axes))
+    # the standard error by base parameters and friction, shape (m, n_joints)
+    robot, law, load = model.robot, model.friction_law.restricted(axes), A @ model.values
+    variance = np.zeros_like(load)
+    for axis in axes:
+        variance[:, axis] = np.einsum("nk,nk->n", A[:, axis] @ model.covariance, A[:, axis])
+    variance += friction_variance(robot, law, motion.q, motion.qd, load)
+    # only laws from free motions, which have directions, correlate with base parameters
+    pairs = zip(law.axes, motion.directions or (), strict=False)
+    for axis, (own, direction) in enumerate(pairs):
+        if own is None or not own.beside:
+            continue
+        columns = law_columns(robot, own, motion.q, motion.qd, load, axis, direction)
+        across = A[:, axis] @ np.array(own.beside).T
+        variance[:, axis] += 2.0 * np.einsum("nk,nk->n", across, columns)
+    error = motion.used(np.sqrt(variance.clip(0.0)))
     return PredictedTorque(
         measurement=name,
         axes=tuple(range(model.robot.n_joints)),
@@ -316,24 +330,6 @@ def torque_parts(model: Model, recording: Recording) -> dict[str, Array]:
 def _friction(model: Model, motion: Along, rigid: Array, axes: Sequence[int]) -> Array:
     law, directions = model.friction_law.restricted(axes), motion.directions
     return friction_torque(model.robot, law, motion.q, motion.qd, rigid, directions)
-
-
-def _parameter_error(model: Model, motion: Along, A: Array, axes: Sequence[int]) -> Array:
-    """Compute the standard error by base parameters and friction, shape (m, n_joints)."""
-    robot, law, load = model.robot, model.friction_law.restricted(axes), A @ model.values
-    variance = np.zeros_like(load)
-    for axis in axes:
-        variance[:, axis] = np.einsum("nk,nk->n", A[:, axis] @ model.covariance, A[:, axis])
-    variance += friction_variance(robot, law, motion.q, motion.qd, load)
-    # only laws from free motions, which have directions, correlate with base parameters
-    pairs = zip(law.axes, motion.directions or (), strict=False)
-    for axis, (own, direction) in enumerate(pairs):
-        if own is None or not own.beside:
-            continue
-        columns = law_columns(robot, own, motion.q, motion.qd, load, axis, direction)
-        across = A[:, axis] @ np.array(own.beside).T
-        variance[:, axis] += 2.0 * np.einsum("nk,nk->n", across, columns)
-    return np.asarray(np.sqrt(variance.clip(0.0)))
 
 
 def convert_torques(model: Model, motion: RecordedMotion, recording: Recording) -> Recording:

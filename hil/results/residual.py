@@ -151,7 +151,6 @@ def unexplained(
 
     Parameters
     ----------
-    found : BandResidual or None
     limit : ndarray, shape (n_joints,)
         Torque limits [N m or N]; NaN if unknown.
     accuracy : float

@@ -22,7 +22,6 @@ def samples(n_joints: int, **given: ArrayLike) -> tuple[Array, ...]:
 
     Parameters
     ----------
-    n_joints : int
     **given : scalar, or array_like of shape (n_joints,) or (n_samples, n_joints)
         Arrays with names for messages. A scalar applies to all joints; for a robot with one joint,
         shape (n_samples,) is accepted.

@@ -69,7 +69,6 @@ class AxisScore(FileModel):
         Number from 1.
     unit : str
         Unit of torques: N m or N.
-    samples : int
     torque, residual : float
         Root mean squares. Residual and all other figures, except the gain and `refitted`, refer to
         the model's prediction with its friction law.
@@ -217,7 +216,6 @@ def scored(
 
     Parameters
     ----------
-    model : Model
     predicted : iterable of PredictedTorque
         Torques by `hil.results.predicted_torques`.
     residual : BandResidual, optional
@@ -251,8 +249,6 @@ def judged(
 
     Parameters
     ----------
-    scores : sequence of AxisScore
-    n_joints : int
     first, last : iterable of Reservation
         Objections by the identification, placed before and after equally bad ones of the scores.
     residual : BandResidual, optional
@@ -325,12 +321,7 @@ def _uncovered(
 ) -> str:
     """State differences between a motion and the recordings of an axis's law of friction.
 
-    Parameters
-    ----------
-    qd, time, left : ndarray, shape (n,)
-        Velocities [rad/s or m/s], instants [s] and residual torques [N m or N] of the samples.
-    past : History or None
-        Motion history of the axes.
+    Arrays (n,) are velocities [rad/s or m/s], instants [s] and residual torques [N m or N].
     """
     law = model.friction_law.axes[axis]
     if law is None:

@@ -369,7 +369,17 @@ def _good(model: Model) -> Iterator[Reservation]:
         yield good(f"no objection to the parameters{_scale(model.robot)}")
         return
     reason = f"torque of the rigid bodies predicted within {_within(relative)}"
-    hidden = _hidden(model, relative)
+    # invisible causes whose usual size has more effect on torques than the stated error, without
+    # those that this error includes, and those in the span of the parameters that scale no torque
+    constants, rotors = np.split(model.robot.usual_uncertainty > 0, 2)
+    scale = not model.robot.torque_constant_uncertainty.any()
+    alone = {"torque constant": constants, "rotor inertia": rotors, EVERY: np.array([scale])}
+    hidden = tuple(
+        each
+        for each in (model.excluded.invisible if model.excluded else ())
+        if each.worth > relative.max()
+        and (alone[each.cause][each.axis - 1] if each.cause in alone else each.size is not None)
+    )
     if not hidden:
         yield good(f"{reason}{_scale(model.robot)}")
         return
@@ -386,23 +396,6 @@ def _good(model: Model) -> Iterator[Reservation]:
         f"predicted within {_within(_add_hidden(model, relative, hidden))}",
         "state smaller uncertainties of torque constants and rotor inertias in the robot file, "
         "if known",
-    )
-
-
-def _hidden(model: Model, relative: Array) -> tuple[Limit, ...]:
-    """Return invisible causes whose usual size has more effect on torques than the stated error.
-
-    Causes with an uncertainty in the robot file are excluded, since the standard error includes
-    them. Excluded are also causes in the span of the parameters, unless they scale the torques.
-    """
-    constants, rotors = np.split(model.robot.usual_uncertainty > 0, 2)
-    scale = not model.robot.torque_constant_uncertainty.any()
-    alone = {"torque constant": constants, "rotor inertia": rotors, EVERY: np.array([scale])}
-    return tuple(
-        each
-        for each in (model.excluded.invisible if model.excluded else ())
-        if each.worth > relative.max()
-        and (alone[each.cause][each.axis - 1] if each.cause in alone else each.size is not None)
     )
 
 

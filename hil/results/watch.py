@@ -126,8 +126,6 @@ class Watched(KeptResult):
         Time between two samples [s].
     learned, watched : float
         Time for learning the scatter, without alarms, and time of watching after that [s].
-    axes : tuple of Sight
-    alarms : tuple of Alarm
     """
 
     names = (NAME,)
@@ -179,8 +177,6 @@ def load_thresholds(path: Path, model: IdentifiedRobot, period: float | None = N
 
     Parameters
     ----------
-    path : Path
-    model : IdentifiedRobot
     period : float, optional
         Required time between two samples [s].
 

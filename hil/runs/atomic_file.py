@@ -148,10 +148,7 @@ def new_file(path: Path) -> Iterator[IO[bytes]]:
     FileError
         The file already exists, or cannot be written.
     """
-    with (
-        file_errors(path, "written"),
-        os.fdopen(os.open(path, _FRESH, 0o666), "wb") as file,
-    ):
+    with file_errors(path, "written"), os.fdopen(os.open(path, _FRESH, 0o666), "wb") as file:
         yield file
         file.flush()
         os.fsync(file.fileno())

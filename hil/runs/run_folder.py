@@ -196,7 +196,12 @@ class RunFolder(Run):
                 self.read(measurement)
             except FileError as error:
                 with file_errors(path, "set aside"):
-                    aside = path.replace(_unused(path))
+                    candidate = path.with_name(path.name + DAMAGED)
+                    number = 2
+                    while candidate.exists():
+                        candidate = path.with_name(f"{path.name}{DAMAGED}.{number}")
+                        number += 1
+                    aside = path.replace(candidate)
                 set_aside.append(f"{error}; kept as {aside.name}, will be measured again")
         return set_aside
 
@@ -229,7 +234,14 @@ class RunFolder(Run):
         The timing of killed sessions is counted anew from their recordings: a kill may come between
         the writing of a recording and of the journal.
         """
-        self._count_killed()
+        sessions = list(self.journal.sessions)
+        killed = {k: SyncTiming() for k, each in enumerate(sessions) if each.ended is None}
+        for measured in self if killed else ():
+            if (k := measured.session) in killed:
+                killed[k] = killed[k].add_recording(measured.recording)
+        for k, timing in killed.items():
+            sessions[k] = sessions[k].model_copy(update={"sync": timing})
+        self.journal = self.journal.model_copy(update={"sessions": tuple(sessions)})
         number = len(self.journal.sessions)
         started = Session(
             started=now(),
@@ -245,16 +257,6 @@ class RunFolder(Run):
                 self._note(self.journal.change_last(ended=now(), reason=_reason(error)))
             raise
         self._note(self.journal.change_last(ended=now(), reason="finished"))
-
-    def _count_killed(self) -> None:
-        sessions = list(self.journal.sessions)
-        killed = {k: SyncTiming() for k, each in enumerate(sessions) if each.ended is None}
-        for measured in self if killed else ():
-            if (k := measured.session) in killed:
-                killed[k] = killed[k].add_recording(measured.recording)
-        for k, timing in killed.items():
-            sessions[k] = sessions[k].model_copy(update={"sync": timing})
-        self.journal = self.journal.model_copy(update={"sessions": tuple(sessions)})
 
     @property
     def only_rehearsed(self) -> bool:
@@ -297,12 +299,3 @@ def _digest(text: str | None) -> str | None:
 def _is_empty(path: Path) -> bool:
     with file_errors(path, "read"):
         return path.is_dir() and not any(path.iterdir())
-
-
-def _unused(path: Path) -> Path:
-    candidate = path.with_name(path.name + DAMAGED)
-    number = 2
-    while candidate.exists():
-        candidate = path.with_name(f"{path.name}{DAMAGED}.{number}")
-        number += 1
-    return candidate

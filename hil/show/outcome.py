@@ -37,7 +37,6 @@ class Verdict(NamedTuple):
         Colour of the sentence; a note has none.
     word : str
         Highlighted word on a page: the kind itself, or a word of the command.
-    text : str
     """
 
     kind: str
@@ -53,7 +52,6 @@ class Played(NamedTuple):
 
     Attributes
     ----------
-    plots : tuple of Plot
     carried, player, picture : str
         Recordings, compressed, the script that plays them, and the robot at their beginning.
     """
@@ -78,7 +76,6 @@ class Outcome:
         Further sentences.
     verdicts : tuple of Verdict
         Verdicts on the result, the worst first; notes last.
-    plots : tuple of Plot
     title : str
         Title of the page: robot and subject.
     facts : mapping of str to str

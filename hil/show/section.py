@@ -32,7 +32,6 @@ class Plot:
         Function that yields the panels.
     alternative : str
         Alternative text for readers who cannot see the plot.
-    caption : str
     """
 
     name: str
@@ -75,12 +74,10 @@ class Section:
 
     Attributes
     ----------
-    heading : str
     template : str
         Template in `hil/report/sections` with the text, in which ``plots`` are available by name.
     values : mapping
         Further values for the template.
-    plots : tuple of Plot
     leads : bool
         True for the section at the top of the page, without heading.
     """

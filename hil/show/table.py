@@ -23,7 +23,6 @@ class Column:
 
     Attributes
     ----------
-    head : str
     align : {"left", "right"}
         Alignment of the cells; figures are right-aligned.
     folds : bool
@@ -56,7 +55,6 @@ class Table:
         Title, a noun phrase.
     columns : tuple of Column
         Columns; the first one names the rows.
-    parts : tuple of Part
     explanation : str
         Meaning of the columns, in sentences, shown on pages.
     notes : tuple of str

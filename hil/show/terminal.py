@@ -57,16 +57,7 @@ class Drawn:
 
 @dataclass(frozen=True, slots=True)
 class _Block:
-    """Columns drawn side by side, with widths, and the column below each row.
-
-    Attributes
-    ----------
-    columns, widths : sequence of int
-    gap : int
-    below : int or None
-    indent : int
-        Characters before the names of parts and the column below.
-    """
+    """Columns drawn side by side, with widths, and the column below each row, after `indent`."""
 
     columns: Sequence[int]
     widths: Sequence[int]
@@ -222,30 +213,19 @@ def _arrange(table: Table, width: int) -> Iterator[_Block]:
         taken = columns[:]
         while len(taken) > named + 1 and _needed(taken, least) > width:
             taken.pop()
-        widths = _share(taken, least, cells, heads, folding, width)
+        # share the width of the terminal: first for folding columns, then for headings
+        found = {k: least[k] for k in taken}
+        free = width - _needed(taken, least)
+        order = sorted((k for k in taken if folding[k]), key=lambda k: cells[k] - found[k])
+        for number, k in enumerate(order):
+            more = min(max(cells[k] - found[k], 0), max(free, 0) // (len(order) - number))
+            found[k], free = found[k] + more, free - more
+        fits = sum(max(heads[k] - found[k], 0) for k in taken) <= free
+        widths = [max(found[k], heads[k]) if fits else found[k] for k in taken]
         start = _start(widths, min(indent, len(taken) - 1), CLOSE)
         yield _Block(taken, widths, CLOSE, below, start)
         further = [k for k in columns if k not in taken]
         columns, below = [*names, *further] if further else [], None
-
-
-def _share(
-    taken: Sequence[int],
-    least: Sequence[int],
-    cells: Sequence[int],
-    heads: Sequence[int],
-    folding: Sequence[bool],
-    width: int,
-) -> list[int]:
-    """Share the width of the terminal: first for folding columns, then for headings."""
-    found = {k: least[k] for k in taken}
-    free = width - _needed(taken, least)
-    order = sorted((k for k in taken if folding[k]), key=lambda k: cells[k] - found[k])
-    for number, k in enumerate(order):
-        more = min(max(cells[k] - found[k], 0), max(free, 0) // (len(order) - number))
-        found[k], free = found[k] + more, free - more
-    fits = sum(max(heads[k] - found[k], 0) for k in taken) <= free
-    return [max(found[k], heads[k]) if fits else found[k] for k in taken]
 
 
 def _needed(taken: Sequence[int], least: Sequence[int]) -> int:

@@ -231,7 +231,6 @@ class Arm:
 
     Parameters
     ----------
-    model : Model
     friction : {"law", "plain", "exported"}
         Friction law; its Coulomb, viscous and offset terms alone (`AxisLaw.plain`); or friction as
         exported to MuJoCo (`hil.export.simple_friction`), with the offset.
@@ -355,7 +354,9 @@ class Arm:
         ).any():
             lanes, state, k = lanes[going], state.take(going), k + 1
             begin, end = np.array([starts[lane].time[k - 1 : k + 1] for lane in lanes]).T
-            n = steps_in(float((end - begin).max()), rate, self._step)
+            # the number of steps for a period between samples, each at most step [s]
+            longest = min(self._step, FASTEST / max(rate, 1e-9))
+            n = int(np.clip(np.ceil(float((end - begin).max()) / longest - 1e-6), 1, MOST_STEPS))
             h = (end - begin) / n
             for part in range(n):
                 state = self.step(state, begin + part * h, h, drive)
@@ -447,12 +448,6 @@ class Arm:
         lightest = (inverse**2).sum(axis=1).max(axis=0)
         slopes = self._laws.steepest() + np.abs(self._viscous).sum(axis=0) + drive.kd
         return float(np.maximum(lightest * slopes, np.sqrt(lightest * drive.kp)).max())
-
-
-def steps_in(period: float, rate: float, step: float) -> int:
-    """Return the number of steps for a period between samples, each at most `step` [s]."""
-    longest = min(step, FASTEST / max(rate, 1e-9))
-    return int(np.clip(np.ceil(period / longest - 1e-6), 1, MOST_STEPS))
 
 
 class _Solver:

@@ -82,7 +82,6 @@ class Layout:
 
     Parameters
     ----------
-    model : Model
     plain : bool
         True to replace each axis's law by its plain terms.
     """
@@ -429,7 +428,17 @@ def _minimised(
     """
 
     def gradients(fit: Fit) -> tuple[float, Array, Array]:
-        return _gradients(*simulations.response(fit, lanes, weights))
+        """Return the sum of squares, and gradients of draws and information over the variance."""
+        residuals, changes = simulations.response(fit, lanes, weights)
+        total = sum(float(each @ each) for each in residuals)
+        variance = total / sum(each.size for each in residuals)
+        draws, information = [], []
+        cuts = -(-FEW_BLOCKS // len(residuals))
+        for left, change in zip(residuals, changes, strict=True):
+            for part in np.array_split(np.arange(len(left)), cuts):
+                draws.append(left[part] @ change[part])
+                information.append(change[part].T @ change[part])
+        return total, np.array(draws) / variance, np.array(information) / variance
 
     roots, best = simulations.layout.roots, start
     cost, draws, parts = gradients(best)
@@ -457,20 +466,3 @@ def _minimised(
     scatter = (1.0 - 1.0 / len(draws)) * directions @ left_out.T @ left_out @ directions.T
     stays = np.eye(len(roots)) - directions @ directions.T
     return best, directions, roots @ (scatter + stays) @ roots.T
-
-
-def _gradients(residuals: Sequence[Array], changes: Sequence[Array]) -> tuple[float, Array, Array]:
-    """Return the sum of squares, gradients of draws, and their information.
-
-    Gradients (draws, p) and the information of independent samples (draws, p, p) are divided by the
-    variance.
-    """
-    total = sum(float(each @ each) for each in residuals)
-    variance = total / sum(each.size for each in residuals)
-    draws, information = [], []
-    cuts = -(-FEW_BLOCKS // len(residuals))
-    for left, change in zip(residuals, changes, strict=True):
-        for part in np.array_split(np.arange(len(left)), cuts):
-            draws.append(left[part] @ change[part])
-            information.append(change[part].T @ change[part])
-    return total, np.array(draws) / variance, np.array(information) / variance

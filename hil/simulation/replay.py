@@ -76,7 +76,6 @@ class Replayed:
 
     Attributes
     ----------
-    measurement : str
     time : ndarray, shape (n,)
         Time of the scored samples [s].
     recorded, simulated : ndarray, shape (n, n_joints)
@@ -108,8 +107,6 @@ class Replay:
 
     Attributes
     ----------
-    robot : Robot
-    recordings : tuple of Replayed
     how : str
         Description of drive, simulator and friction.
     """

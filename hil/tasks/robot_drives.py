@@ -86,7 +86,7 @@ def load_robots_drives(path: Path, the_robot: Robot) -> tuple[DrivesFile, str]:
     """
     drives = load_drives(path)
     text = read_text(path)
-    refuse(str(path), text, _contradicting(drives.axes, the_robot))
+    refuse(str(path), text, _contradictions(drives.axes, the_robot))
     return drives, text
 
 
@@ -100,57 +100,55 @@ def narrowed_drives(drives: DrivesFile, workspace: Workspace | None) -> DrivesFi
     return drives.model_copy(update={"axes": tuple(axes)})
 
 
-def _contradicting(
+def _contradictions(
     axes: Sequence[AxisDrive], robot: Robot
 ) -> Iterator[tuple[tuple[str | int, ...], str]]:
-    """Yield the contradictions between the axes of a drives file and a robot."""
+    """Yield the contradictions between drives and robot; of an axis of another type only this.
+
+    Limits contradict if wider than the robot's, or so narrow that a plan would reach them.
+    """
     if len(axes) != robot.n_joints:
         yield (
             ("axes",),
             f"{len(axes)} axes must be {robot.n_joints}, one for each joint of {robot.name}",
         )
         return
-    for index, axis in enumerate(axes):
-        for keys, message in _contradictions(axis, index, robot):
-            yield ("axes", index, *keys), message
-
-
-def _contradictions(
-    axis: AxisDrive, index: int, robot: Robot
-) -> Iterator[tuple[tuple[str, ...], str]]:
-    """Yield the contradictions of an axis; only the joint type if this differs.
-
-    Limits contradict if wider than the robot's, or so narrow that a plan would reach them.
-    """
     # tolerances of numbers, and of limits narrower than the robot's; wider limits are refused
     same, narrower = 1e-3, 5e-3
-    joint = "revolute" if robot.revolute[index] else "prismatic"
     both = f"as in the robot file of {robot.name}; correct whichever is wrong"
-    if axis.joint != joint:
-        yield ("joint",), f"{axis.joint} of axis {axis.name} must be {joint} {both}"
-        return
-    for key in ("gear_ratio", "torque_constant"):
-        stated, known = getattr(axis, key), float(getattr(robot, key)[index])
-        if stated is not None and abs(stated - known) > same * abs(known):
-            yield (key,), f"{stated:g} of axis {axis.name} must be {known:g} {both}"
-    limits, low, high = axis.limits, float(robot.q_min[index]), float(robot.q_max[index])
-    q, tau = robot.position_unit(index), robot.torque_unit(index)
-    for key, stated, known, unit in (
-        ("q_min", -limits.q_min, -low, q),
-        ("q_max", limits.q_max, high, q),
-        ("velocity", limits.velocity, float(robot.velocity_limit[index]), f"{q}/s"),
-        ("acceleration", limits.acceleration, float(robot.acceleration_limit[index]), f"{q}/s^2"),
-        ("torque", limits.torque, float(robot.torque_limit[index]), tau),
-    ):
-        slack = high - low if unit == q else known
-        if -narrower * slack <= stated - known <= same * slack:
+    for index, axis in enumerate(axes):
+        place: tuple[str | int, ...] = "axes", index
+        joint = "revolute" if robot.revolute[index] else "prismatic"
+        if axis.joint != joint:
+            yield (*place, "joint"), f"{axis.joint} of axis {axis.name} must be {joint} {both}"
             continue
-        sign, relation = -1 if key == "q_min" else 1, "wider" if stated > known else "narrower"
-        yield (
-            ("limits", key),
-            f"{sign * stated:g} {unit} of axis {axis.name} is {relation} than"
-            f" {sign * known:g} {unit} in the robot file of {robot.name}; state one value in both",
+        for key in ("gear_ratio", "torque_constant"):
+            stated, known = getattr(axis, key), float(getattr(robot, key)[index])
+            if stated is not None and abs(stated - known) > same * abs(known):
+                yield (*place, key), f"{stated:g} of axis {axis.name} must be {known:g} {both}"
+        limits, low, high = axis.limits, float(robot.q_min[index]), float(robot.q_max[index])
+        q, tau = robot.position_unit(index), robot.torque_unit(index)
+        velocity, acceleration, torque = (
+            float(limit[index])
+            for limit in (robot.velocity_limit, robot.acceleration_limit, robot.torque_limit)
         )
+        for key, stated, known, unit in (
+            ("q_min", -limits.q_min, -low, q),
+            ("q_max", limits.q_max, high, q),
+            ("velocity", limits.velocity, velocity, f"{q}/s"),
+            ("acceleration", limits.acceleration, acceleration, f"{q}/s^2"),
+            ("torque", limits.torque, torque, tau),
+        ):
+            slack = high - low if unit == q else known
+            if -narrower * slack <= stated - known <= same * slack:
+                continue
+            sign, relation = -1 if key == "q_min" else 1, "wider" if stated > known else "narrower"
+            yield (
+                (*place, "limits", key),
+                f"{sign * stated:g} {unit} of axis {axis.name} is {relation} than"
+                f" {sign * known:g} {unit} in the robot file of {robot.name}; state one value in"
+                " both",
+            )
 
 
 def bus_cycle(
@@ -165,8 +163,6 @@ def bus_cycle(
 
     Parameters
     ----------
-    plan : Plan
-    n_axes : int
     drives : DrivesFile or None
         Drives, None if unknown: a TPDO of 8 bytes per axis is assumed.
     bitrate : int, optional
@@ -188,7 +184,6 @@ def following_of(drives: DrivesFile | None, period: float | None = None) -> Foll
 
     Parameters
     ----------
-    drives : DrivesFile or None
     period : float, optional
         SYNC period, by default that of the drives file [s].
     """
@@ -219,7 +214,11 @@ def expected_of(robot: Robot, run: Path | None, drives_file: Path | None = None)
         The run is of another robot.
     """
     if run is None:
-        noise = stated_noise(robot, *_resolutions(robot, drives_file))
+        drives, noise = known_drives(robot, drives_file), stated_noise(robot)
+        if drives is not None:
+            scales = [AxisScale.derive(axis) for axis in drives.axes]
+            steps = [each.torque_step for each in scales], [abs(each.position) for each in scales]
+            noise = stated_noise(robot, *steps)
         return Expected(noise, sized_bodies(robot), "of rods as heavy as the drives can hold")
     folders, levels = experience_of([run])
     if folders[0].robot.digest != robot.digest:
@@ -237,14 +236,3 @@ def experience_of(runs: Sequence[Path]) -> tuple[list[Run], Levels]:
 
     folders = open_runs(runs)
     return folders, experience(folders)
-
-
-def _resolutions(
-    robot: Robot, drives_file: Path | None
-) -> tuple[list[float] | None, list[float] | None]:
-    """Return the steps of torques [N m or N] and positions [rad or m]; None without drives."""
-    drives = known_drives(robot, drives_file)
-    if drives is None:
-        return None, None
-    scales = [AxisScale.derive(axis) for axis in drives.axes]
-    return [scale.torque_step for scale in scales], [abs(scale.position) for scale in scales]

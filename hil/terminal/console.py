@@ -22,7 +22,7 @@ from checked_files.foreign_text import printable, shown
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
 
-    from hil.show.table import Row, Table
+    from hil.show.table import Table
 
 
 class Output(Console):
@@ -97,17 +97,16 @@ def _tabulate(table: Table) -> dict[str, Any]:
     return {
         "title": table.title,
         "rows": [
-            {**({"group": part.name} if part.name else {}), **_cells(keys, row)}
+            {
+                **({"group": part.name} if part.name else {}),
+                **{key: _number(cell) for key, cell in zip(keys, row, strict=True)},
+            }
             for part in table.parts
             for row in part.rows
             if any(row)
         ],
         **({"notes": list(table.notes)} if table.notes else {}),
     }
-
-
-def _cells(keys: list[str], row: Row) -> dict[str, Any]:
-    return {key: _number(cell) for key, cell in zip(keys, row, strict=True)}
 
 
 def _number(cell: str) -> str | float | None:

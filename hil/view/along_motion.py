@@ -255,7 +255,15 @@ def _piece(shown: Shown, begin: float, every: int) -> tuple[Array, ...]:
     time, kept = recording.time - recording.time[0], slice(None, None, every)
     planned = set_points(motion, recording)
     planned = np.full_like(recording.q, np.nan) if planned is None else planned
-    velocity, torque = _velocity(recording, time, every), _means(recording.tau, every)
+    # compute means of every successive rows, ignoring missing values
+    there = np.isfinite(recording.tau)
+    starts = np.arange(0, len(recording.tau), every)
+    sums = np.add.reduceat(np.where(there, recording.tau, 0.0), starts)
+    counts = np.add.reduceat(there.astype(float), starts)
+    velocity, torque = (
+        _velocity(recording, time, every),
+        np.divide(sums, counts, out=np.full_like(sums, np.nan), where=counts > 0),
+    )
     time = time[kept]
     prediction, half = np.full_like(torque, np.nan), np.full_like(torque, np.nan)
     for axis, each in predicted.items():
@@ -278,15 +286,6 @@ def _velocity(recording: Recording, time: Array, every: int) -> Array:
     low, high = np.maximum(at - reach, 0), np.minimum(at + reach, n - 1)
     found: Array = (recording.q[high] - recording.q[low]) / (time[high] - time[low])[:, None]
     return found
-
-
-def _means(values: Array, every: int) -> Array:
-    """Compute means of `every` successive rows, ignoring missing values."""
-    there = np.isfinite(values)
-    starts = np.arange(0, len(values), every)
-    sums = np.add.reduceat(np.where(there, values, 0.0), starts)
-    counts = np.add.reduceat(there.astype(float), starts)
-    return np.divide(sums, counts, out=np.full_like(sums, np.nan), where=counts > 0)
 
 
 def predicted(model: Model, time: Array, q: Array, qd: Array, qdd: Array) -> Predicted:

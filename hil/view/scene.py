@@ -80,7 +80,13 @@ def planned(plan: Plan, robot: Robot) -> Planned:
         The plan has more strokes than a page can show.
     """
     _refuse_endless(plan)
-    problems = problems_by_number(plan, robot)
+    # the dry run's problems by number of the measurement, from 0
+    found: defaultdict[int, list[str]] = defaultdict(list)
+    for problem in (wrong := measurement_problems(plan, robot)):
+        found[int(problem.location[1])].append(problem.message)
+    for number, message in () if wrong else obstacles(plan, robot):
+        found[number].append(message)
+    problems = {number: "\n".join(messages) for number, messages in found.items()}
     passage = _Passage(plan, robot)
     passage.warm_up()
     for number, measurement in enumerate(plan.measurements):
@@ -93,16 +99,6 @@ def planned(plan: Plan, robot: Robot) -> Planned:
         )  # fmt: skip
     tracks = tuple(Track(*np.array(knots).T) for knots in passage.knots)
     return Planned(tracks, tuple(passage.segments))
-
-
-def problems_by_number(plan: Plan, robot: Robot) -> dict[int, str]:
-    """Return the dry run's problems by number of the measurement, from 0."""
-    found: defaultdict[int, list[str]] = defaultdict(list)
-    for problem in (wrong := measurement_problems(plan, robot)):
-        found[int(problem.location[1])].append(problem.message)
-    for number, message in () if wrong else obstacles(plan, robot):
-        found[number].append(message)
-    return {number: "\n".join(messages) for number, messages in found.items()}
 
 
 class _Passage:
@@ -233,8 +229,6 @@ class Scene:
 
     Attributes
     ----------
-    title : str
-    robot : Robot
     workspace : Workspace, optional
     visuals : sequence of Visual
         Meshes in place of capsules.
@@ -292,9 +286,12 @@ class Scene:
 
 
 def robot_scene(
-    robot: Robot, workspace: Workspace | None = None, visuals: Sequence[Visual] = ()
+    robot: Robot,
+    workspace: Workspace | None = None,
+    _most: int = 0,
+    visuals: Sequence[Visual] = (),
 ) -> Scene:
-    """Create the scene of a robot with adjustable joints."""
+    """Create the scene of a robot with adjustable joints, without instants."""
     return Scene(
         title=f"{robot.name}: {robot.n_joints} joints",
         robot=robot,
@@ -305,11 +302,7 @@ def robot_scene(
 
 
 def plan_scene(
-    plan: Plan,
-    robot: Robot,
-    most: int,
-    model: Model | None = None,
-    visuals: Sequence[Visual] = (),
+    plan: Plan, robot: Robot, most: int, model: Model | None = None, visuals: Sequence[Visual] = ()
 ) -> Scene:
     """Create the scene of a plan, with the timing of the dry run.
 

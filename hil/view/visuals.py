@@ -207,9 +207,11 @@ def robot_data(robot: Robot, visuals: Sequence[Visual] = ()) -> dict[str, object
     """
     shapes = capsules(robot)
     ways = np.maximum(shapes.reach.max(axis=0), shapes.radii.min())
+    # the direction against gravity, or z without gravity
+    strength = float(np.linalg.norm(robot.gravity))
     return {
         "name": robot.name,
-        "up": _up(robot.gravity),
+        "up": ([0.0, 0.0, 1.0] if strength == 0.0 else (-robot.gravity / strength).tolist()),
         "reach": float(link_reaches(robot).max()),
         "joints": [
             _joint(robot, j) | {"step": float(0.7 * shapes.radii.min() / ways[j])}
@@ -239,21 +241,12 @@ def _joint(robot: Robot, joint: int) -> dict[str, object]:
         "torque": _finite_or_none(robot.torque_limit[joint]),
         "unit": robot.position_unit(joint),
         "torque_unit": robot.torque_unit(joint),
-        "capsule": {
-            "ends": shapes.ends[joint].tolist(),
-            "radius": float(shapes.radii[joint]),
-        },
+        "capsule": {"ends": shapes.ends[joint].tolist(), "radius": float(shapes.radii[joint])},
     }
 
 
 def _finite_or_none(limit: float) -> float | None:
     return float(limit) if np.isfinite(limit) else None
-
-
-def _up(gravity: Array) -> list[float]:
-    """Return the direction against gravity, or z without gravity."""
-    strength = float(np.linalg.norm(gravity))
-    return [0.0, 0.0, 1.0] if strength == 0.0 else (-gravity / strength).tolist()
 
 
 MOST_TRIANGLES = 40_000
@@ -269,7 +262,6 @@ class Visual(NamedTuple):
     ----------
     link : int
         Index from 0; `BASE` for the base frame.
-    mesh : Mesh
     """
 
     link: int
@@ -296,8 +288,6 @@ def visuals(urdf: Path, robot: Robot, meshes: Path | None = None) -> Visuals:
 
     Parameters
     ----------
-    urdf : Path
-    robot : Robot
     meshes : Path, optional
         Additional folder for meshes; other files outside of the URDF's own folder and package are
         skipped.
@@ -380,7 +370,15 @@ def _triangles(reader: UrdfReader, visual: Element, urdf: Path, meshes: Path | N
     if shape.tag != "mesh":
         raise reader.file.wrong(shape, f"<{shape.tag}> is not a displayable shape")
     scale = np.array(numbers(shape, "scale", 3) or [1.0] * 3)
-    corners: Array = read_triangles(_inside(_file(shape.get("filename", ""), urdf), meshes)) * scale
+    # the path of a mesh; refuse a user's file named by a stranger's URDF
+    path, root = _file(shape.get("filename", ""), urdf)
+    allowed = [each.resolve() for each in (root, meshes) if each is not None]
+    if not any(path.resolve().is_relative_to(each) for each in allowed):
+        raise FileError(
+            f"{path}: is outside of {root}, the folder of the URDF or of its package; name its"
+            " folder: --meshes"
+        )
+    corners: Array = read_triangles(path) * scale
     return corners
 
 
@@ -400,24 +398,6 @@ def _file(stated: str, urdf: Path) -> tuple[Path, Path]:
             if (found := root.joinpath(*rest)).is_file():
                 return found, root
     return urdf.parent.joinpath(package, *rest), urdf.parent
-
-
-def _inside(found: tuple[Path, Path], meshes: Path | None) -> Path:
-    """Return the path of a mesh inside the permitted folders.
-
-    Raises
-    ------
-    FileError
-        A file elsewhere: a user's file named by a stranger's URDF.
-    """
-    path, root = found
-    allowed = [each.resolve() for each in (root, meshes) if each is not None]
-    if not any(path.resolve().is_relative_to(each) for each in allowed):
-        raise FileError(
-            f"{path}: is outside of {root}, the folder of the URDF or of its package; name its"
-            " folder: --meshes"
-        )
-    return path
 
 
 def _transform(corners: Array, pose: Array) -> Array:

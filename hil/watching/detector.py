@@ -44,7 +44,6 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from hil.arrays import Array
-    from hil.model.robot import Robot
     from hil.results.model import Model
     from hil.results.watch import Sight
 
@@ -75,7 +74,6 @@ class Scatter:
     ----------
     lengths : ndarray of int, shape (n_windows,)
         Lengths of the windows [samples].
-    n_joints : int
     period : float
         Time between two samples [s].
     memory, enough : float
@@ -235,7 +233,10 @@ class Detector:
         self._limit, self._speed = robot.torque_limit, robot.velocity_limit
         self.tables = FrictionTables(model)
         self.level = FrictionLevel(self.tables.uncertainty, self.tables.slowest / self._speed)
-        self.turning = Turning(_presliding(model), period)
+        axes = known_friction(model).axes
+        self.turning = Turning(
+            np.array([0.0 if axis is None else axis.presliding for axis in axes]), period
+        )
         self.scatter = Scatter(self.windows, n, period)
         self._recent = np.zeros((2, self.windows[-1], n))
         self._time, self._q, self._tau = np.empty(0), np.empty((0, n)), np.empty((0, n))
@@ -337,7 +338,10 @@ class Detector:
         rest = np.clip(1.0 - speed / SLOW, 0.0, 1.0) * (1.0 + np.abs(turn.direction))
         wrong = np.maximum(turn.doubt, rest)
         means, bands = self._windows(left, wrong * level / self._limit)
-        error = 4 * (spread**2 + self._parameter_variance(robot, q, qd))[:, np.newaxis]
+        # the relative torque variance from base parameters, at constant speed
+        A = regressor(robot, q, qd, np.zeros_like(qd))
+        variance = np.einsum("njk,njk->nj", A @ self._model.covariance, A)
+        error = 4 * (spread**2 + variance.clip(0.0) / self._limit**2)[:, np.newaxis]
         scatter = self.scatter.bound
         # standard deviations for the alarm threshold, and for the displayed 95 % band
         threshold, band = (
@@ -350,12 +354,6 @@ class Detector:
         self._learned.append(_Learned(columns, left, means, doubtful, sure))
         shown = (-means * self._limit, threshold * self._limit, band * self._limit)
         return Judged(time, measured, predicted, *shown, moving)
-
-    def _parameter_variance(self, robot: Robot, q: Array, qd: Array) -> Array:
-        """Compute the relative torque variance from base parameters, at constant speed."""
-        A = regressor(robot, q, qd, np.zeros_like(qd))
-        variance = np.einsum("njk,njk->nj", A @ self._model.covariance, A)
-        return np.asarray(variance.clip(0.0) / self._limit**2)
 
     def _windows(self, left: Array, band: Array) -> tuple[Array, Array]:
         """Compute means over windows ending at the samples, shape (n, n_windows, n_joints)."""
@@ -386,8 +384,3 @@ class Detector:
         used = sure & trusted
         self.scatter.take(means, used)
         self.level.follow(columns, left, used, duration)
-
-
-def _presliding(model: Model) -> Array:
-    axes = known_friction(model).axes
-    return np.array([0.0 if axis is None else axis.presliding for axis in axes])

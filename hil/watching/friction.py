@@ -164,7 +164,14 @@ class Turning:
         self._recent = way[-length:] - way[-1]
         windows = np.lib.stride_tricks.sliding_window_view(way[1:], length, axis=0)
         still = np.asarray(np.ptp(windows, axis=-1) < DISTANCES[0])
-        rows, unknown = self._directions(step, still)
+        # directions for every distance, and the doubt after standstills for that in use
+        kept = np.exp(np.abs(step)[:, np.newaxis] / -DISTANCES[:, np.newaxis])
+        left = kept[:, self._neighbours[0], self._axes]
+        rows, unknown = np.empty_like(kept), np.empty_like(step)
+        for i, (sign, share) in enumerate(zip(np.sign(step), kept, strict=True)):
+            rows[i] = self._row = sign - (sign - self._row) * share
+            held = 1.0 + np.abs(self._row[self.taken, self._axes])
+            unknown[i] = self._open = np.where(still[i], held, self._open * left[i])
         slip = qd[:, np.newaxis] - np.abs(qd)[:, np.newaxis] * rows
         turning = np.abs(rows[:, -1] - rows[:, 0]) > TURNING
         self._learn(turning & ~still & (level > 0), rows, slip, friction, level)
@@ -195,21 +202,6 @@ class Turning:
         """Slower and faster neighbours of the distances in use."""
         return np.minimum(self.taken + 1, len(DISTANCES) - 1), np.maximum(self.taken - 1, 0)
 
-    def _directions(self, step: Array, still: Flags) -> tuple[Array, Array]:
-        """Compute directions for every distance, and the doubt after standstills for that in use.
-
-        Shapes (n, n_distances, n_joints) and (n, n_joints).
-        """
-        signs = np.sign(step)
-        kept = np.exp(np.abs(step)[:, np.newaxis] / -DISTANCES[:, np.newaxis])
-        left = kept[:, self._neighbours[0], self._axes]
-        rows, unknown = np.empty_like(kept), np.empty_like(step)
-        for i, (sign, share) in enumerate(zip(signs, kept, strict=True)):
-            rows[i] = self._row = sign - (sign - self._row) * share
-            held = 1.0 + np.abs(self._row[self.taken, self._axes])
-            unknown[i] = self._open = np.where(still[i], held, self._open * left[i])
-        return rows, unknown
-
     def _learn(self, used: Flags, rows: Array, slip: Array, friction: Array, level: Array) -> None:
         if used.any():
             error = friction[:, np.newaxis] - rows * level[:, np.newaxis]
@@ -227,7 +219,6 @@ class FrictionTables:
 
     Parameters
     ----------
-    model : Model
     fastest : float
         Largest speed of the tables, as a share of the velocity limit; higher speeds are clipped.
 

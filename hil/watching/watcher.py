@@ -16,7 +16,7 @@ from hil.results.watch import LATE, SOON, STRONG, WEAK, Alarm, Sight, Watched
 from hil.watching.detector import Detector, Judged
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterator, Sequence
+    from collections.abc import Callable, Sequence
 
     from drivers.drive_bus import DriveBus, Sample
     from hil.arrays import Array
@@ -50,7 +50,6 @@ class Trace:
 
     Parameters
     ----------
-    n_joints : int
     period : float
         Time between two samples [s].
     window : int
@@ -315,6 +314,7 @@ class Watcher:
         return min(number, len(moved))
 
     def _watch(self, judged: Judged) -> list[Alarm]:
+        """Start new alarms, continue open alarms, and end alarms without a sign for `OVER`."""
         self._count(judged)
         ratio = np.abs(judged.outside) / judged.threshold
         signs = np.asarray(np.any(ratio >= 1.0, axis=1))
@@ -324,43 +324,35 @@ class Watcher:
         begun: list[Alarm] = []
         for row in range(len(judged.time)):
             self.trace.take(judged, self._soon, slice(row, row + 1))
-            begun += self._update_alarms(judged, row, ratio[row], signs[row])
-        return begun
-
-    def _update_alarms(
-        self, judged: Judged, row: int, ratio: Array, signs: Array
-    ) -> Iterator[Alarm]:
-        """Start new alarms, continue open alarms, and end alarms without a sign for `OVER`."""
-        now = float(judged.time[row])
-        for axis in np.flatnonzero(signs).tolist():
-            self._signs[axis] = now
-            if axis not in self._open:
+            now = float(judged.time[row])
+            for axis in np.flatnonzero(signs[row]).tolist():
+                self._signs[axis] = now
+                if axis in self._open:
+                    continue
                 self._open[axis] = len(self.alarms)
-                self.alarms.append(self._alarm(judged, row, axis, int(ratio[:, axis].argmax())))
+                window = int(ratio[row, :, axis].argmax())
+                torque = float(judged.outside[row, window, axis])
+                begun.append(
+                    Alarm(
+                        axis=axis + 1,
+                        time=round(now, 6),
+                        torque=torque,
+                        threshold=float(judged.threshold[row, window, axis]),
+                        window=round(float(self._lengths[window]), 6),
+                        peak=torque,
+                    )
+                )
+                self.alarms.append(begun[-1])
                 self.trace.keep(axis, now)
-                yield self.alarms[-1]
-        for axis, number in tuple(self._open.items()):
-            self.alarms[number] = self._gone_on(
-                self.alarms[number], float(judged.outside[row, self._soon, axis])
-            )
-            # a quarter of a period: the same sample ends an alarm whatever the rounding of times
-            if now - self._signs[axis] > OVER + self._period / 4:
-                del self._open[axis]
-
-    def _alarm(self, judged: Judged, row: int, axis: int, window: int) -> Alarm:
-        torque = float(judged.outside[row, window, axis])
-        return Alarm(
-            axis=axis + 1,
-            time=round(float(judged.time[row]), 6),
-            torque=torque,
-            threshold=float(judged.threshold[row, window, axis]),
-            window=round(float(self._lengths[window]), 6),
-            peak=torque,
-        )
-
-    def _gone_on(self, alarm: Alarm, seen: float) -> Alarm:
-        lasted = round(float(self._signs[alarm.axis - 1]) - alarm.time, 6)
-        return alarm.model_copy(update={"peak": max(alarm.peak, seen, key=abs), "lasted": lasted})
+            for axis, number in tuple(self._open.items()):
+                alarm = self.alarms[number]
+                peak = max(alarm.peak, float(judged.outside[row, self._soon, axis]), key=abs)
+                lasted = round(float(self._signs[axis]) - alarm.time, 6)
+                self.alarms[number] = alarm.model_copy(update={"peak": peak, "lasted": lasted})
+                # a quarter of a period: the same sample ends an alarm however times are rounded
+                if now - self._signs[axis] > OVER + self._period / 4:
+                    del self._open[axis]
+        return begun
 
     def _count(self, judged: Judged, every: int = 8, most: int = 100_000) -> None:
         """Update the visibility statistics, with one in `every` samples for medians."""
@@ -406,7 +398,6 @@ class WatchingBus(BusInFront):
     ----------
     bus : DriveBus
         Bus not entered yet.
-    watcher : Watcher
     show : callable
         Function called with each new alarm, and with None after every sample without one.
     stop : bool

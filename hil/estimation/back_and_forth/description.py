@@ -96,20 +96,17 @@ def _curve(recordings: Sequence[Halves], solution: Solution) -> FrictionCurve:
     pair = numbered_pairs(recordings)
     places = [fit.layout.index(name, axis) for name in ("offset", "asymmetric")]
     constant, per_speed = (TermValue.estimated(fit.x[k], fit.covariance[k, k]) for k in places)
-    return FrictionCurve(
-        axis=axis + 1,
-        points=_points(speed, left / np.sqrt(weight), weight, pair),
-        by_direction=(constant, per_speed),
-        plain=_plain(recordings, around[: -1 - len(COMMON)]),
-    )
-
-
-def _points(speed: Array, friction: Array, weight: Array, pair: Indices) -> tuple[CurvePoint, ...]:
+    friction = left / np.sqrt(weight)
     width = max(float(np.ptp(speed)) / CLASSES, np.finfo(float).tiny)
     of_class = np.minimum((speed - speed.min()) // width, CLASSES - 1)
-    return tuple(
-        _point(speed[own], friction[own], weight[own], pair[own])
-        for own in (of_class == k for k in np.unique(of_class))
+    return FrictionCurve(
+        axis=axis + 1,
+        points=tuple(
+            _point(speed[own], friction[own], weight[own], pair[own])
+            for own in (of_class == k for k in np.unique(of_class))
+        ),
+        by_direction=(constant, per_speed),
+        plain=_plain(recordings, around[: -1 - len(COMMON)]),
     )
 
 
@@ -180,11 +177,7 @@ def _term(name: str, share: float) -> str:
 
 
 def remarks(
-    robot: Robot,
-    recordings: Sequence[Halves],
-    whole: Blocks,
-    solution: Solution,
-    left: Residuals,
+    robot: Robot, recordings: Sequence[Halves], whole: Blocks, solution: Solution, left: Residuals
 ) -> Iterator[str]:
     """Yield remarks on the restrictions of the estimate."""
     moved = {each.axis for each in recordings}

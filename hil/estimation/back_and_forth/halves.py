@@ -128,7 +128,6 @@ def pairs_of(motion: Motion, stroke: Numbers, axis: int, unit: str) -> Pairs:
 
     Parameters
     ----------
-    motion : Motion
     stroke : ndarray, shape (n_used,)
         Number of the stroke of each filtered sample, even forth, odd back; -1 between strokes.
     axis : int
@@ -221,10 +220,8 @@ class Halves:
 
     Attributes
     ----------
-    id : str
     axis : int
         Moving axis, from 0.
-    pairs : Pairs
     rows : ndarray, shape (2, n, 1 + n_known + n_levels)
         Half-sums and half-differences of the torque less that of known rotors, of `known` columns
         and of levels of friction, scaled to variance 1 for samples of variance 1.
@@ -244,7 +241,6 @@ class Halves:
         Further moving axes, from 0.
     cut_off : float
         Cut-off frequency of the low-pass [Hz].
-    cut_off_reason : str
     """
 
     id: str

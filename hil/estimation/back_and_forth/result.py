@@ -20,7 +20,6 @@ class CurvePoint(FileModel):
     half_width : float, optional
         Half-width of the 95 % confidence interval, from the scatter between pairs, which includes
         drift; None for one pair.
-    pairs : int
     """
 
     speed: float
@@ -67,7 +66,6 @@ class BackAndForthFit(FileModel):
     ----------
     cut_off : tuple of float
         Lowest and highest cut-off frequency of the low-pass over the recordings [Hz].
-    cut_off_reason : str
     pairs : int
         Number of pairs of strokes.
     curves : tuple of FrictionCurve

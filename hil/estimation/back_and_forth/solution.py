@@ -172,7 +172,6 @@ class Solution:
     ----------
     fit : Fit
         Base parameters, and direction-dependent terms by axis; zero if not kept.
-    excitation : Excitation
     weights : ndarray, shape (2 n_joints,)
         Inverse variances of a sample in the half-sums and half-differences of each axis.
     effect : ndarray, shape (n, 2 n_joints)

@@ -205,7 +205,11 @@ def conditions(robot: Robot, bounds: BodyBounds) -> list[Condition]:
     bounds.refuse_other_links(robot)
     found: list[Condition] = []
     for link in range(robot.n_joints):
-        found.append(_spread(robot, link, bounds.thickness))
+        own = np.array(UNIT_PSEUDO_INERTIAS)
+        own[_MASS] -= bounds.thickness**2 * _SPATIAL
+        weights = np.zeros((4, 4, len(robot.standard_parameters)))
+        weights[..., 10 * link : 10 * link + 10] = np.moveaxis(own, 0, -1)
+        found.append(Condition(f"link {link + 1}", weights, np.zeros((4, 4)), link))
         found += _bounded(robot, link, bounds)
     return [*found, *_motors(robot)]
 
@@ -219,14 +223,6 @@ def tightened(robot: Robot, bounds: BodyBounds) -> list[Condition]:
         else replace(each, constant=each.constant - 1e-6 * np.eye(len(each.constant)))
         for each in wide
     ]  # fmt: skip
-
-
-def _spread(robot: Robot, link: int, thickness: float) -> Condition:
-    own = np.array(UNIT_PSEUDO_INERTIAS)
-    own[_MASS] -= thickness**2 * _SPATIAL
-    weights = np.zeros((4, 4, len(robot.standard_parameters)))
-    weights[..., 10 * link : 10 * link + 10] = np.moveaxis(own, 0, -1)
-    return Condition(f"link {link + 1}", weights, np.zeros((4, 4)), link)
 
 
 def largest_radius(robot: Robot) -> float:

@@ -195,7 +195,18 @@ class Space:
         _, values, rows = np.linalg.svd(scaled / np.linalg.norm(scaled, axis=1)[:, np.newaxis])
         rank = int(np.sum(values > _RANK * values[0]))
         free = unit[:, np.newaxis] * rows[rank:].T
-        return cls(base_parameters(robot).placement, p, _root(covariance), free, likely)
+        # L with L L' = V, shape (n_base, rank)
+        error = np.sqrt(np.maximum(np.diag(covariance), 0.0))
+        scale = np.where(error > 0, error, 1.0)
+        values, vectors = np.linalg.eigh(covariance / np.outer(scale, scale))
+        kept = values > _NEGLIGIBLE * max(values[-1], 1e-300)
+        return cls(
+            base_parameters(robot).placement,
+            p,
+            np.asarray(scale[:, np.newaxis] * vectors[:, kept] * np.sqrt(values[kept])),
+            free,
+            likely,
+        )
 
     def free_absent(self, robot: Robot) -> Space:
         """Return the space with the robot file's missing and tied parameters set free."""
@@ -282,15 +293,6 @@ def _units(likely: Array, n_added: int) -> Array:
     return np.array(found + [float(np.mean(found[::10]))] * n_added)
 
 
-def _root(covariance: Array) -> Array:
-    """Return L with L L' = V, shape (n_base, rank)."""
-    error = np.sqrt(np.maximum(np.diag(covariance), 0.0))
-    scale = np.where(error > 0, error, 1.0)
-    values, vectors = np.linalg.eigh(covariance / np.outer(scale, scale))
-    kept = values > _NEGLIGIBLE * max(values[-1], 1e-300)
-    return np.asarray(scale[:, np.newaxis] * vectors[:, kept] * np.sqrt(values[kept]))
-
-
 SHAPES = "the links' shapes"
 """Default source of the likely bodies."""
 
@@ -307,7 +309,6 @@ def nearest_robot(
 
     Parameters
     ----------
-    robot : Robot
     p : ndarray, shape (n_base,)
     covariance : ndarray, shape (n_base, n_base)
         Covariance of `p`; directions of zero variance remain unchanged.

@@ -79,7 +79,6 @@ class ConsistentRobot(FileModel):
         Source of the likely bodies, which decide what torques do not determine.
     open_masses : tuple of int
         Links, from 1, with a mass that no torque determines.
-    links : tuple of LinkBody
     added : dict of str to float
         Rotor inertias and springs, by name (`hil.model.added_parameters`).
     binding : tuple of BindingCondition

@@ -30,7 +30,7 @@ larger errors than the choice, so only the share `SHARE` of V is taken.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import compress
 from typing import TYPE_CHECKING
 
@@ -52,6 +52,7 @@ if TYPE_CHECKING:
     from hil.least_squares.blocks import Blocks
     from hil.least_squares.layout import Layout
     from hil.least_squares.regression import Fit
+
 
 MATERIAL = 0.05
 """Largest growth of a residual (rms), over weighted least squares, accepted for a dead zone or a
@@ -263,3 +264,29 @@ def covariance_of_choices(products: Products, choice: Choice) -> Array:
         total[np.ix_(common, common)] += weight * np.outer(found - x, found - x)
         weights += weight
     return SHARE * total / weights
+
+
+def held_axes(pieces: Blocks, still: Sequence[int]) -> tuple[int, ...]:
+    """Return the axes among `still`, from 0, held by a brake or static friction: without a say.
+
+    A brake carries all weight and reactions: the recorded torque is constant but for noise, and the
+    equation 0 = A p bends the parameters of all axes. Such equations are left out if all columns
+    together predict the torque in held-out pieces of time no better than a constant.
+
+    Parameters
+    ----------
+    pieces : Blocks
+        By piece of time, a channel per axis.
+    still : sequence of int
+        Axes at rest.
+    """
+
+    def held(axis: int) -> bool:
+        products = np.zeros_like(pieces.products)
+        products[:, axis] = pieces.products[:, axis]
+        own = replace(pieces, products=products).normal(np.ones(pieces.n_channels))
+        held_out, offset = HeldOut(own, own), pieces.layout.index("offset", axis)
+        every = np.append(np.arange(len(pieces.shared)), offset)
+        return float(held_out.error(every).sum()) >= float(held_out.error(every[-1:]).sum())
+
+    return tuple(axis for axis in still if held(axis))

@@ -104,11 +104,7 @@ def axis_columns(
             motor_angle(robot, qd, axis) / (2 * np.pi) * motion.period / SEEN,
             terms=seen,
         )
-    rotor = rotor_torque(robot, motion, axis)
+    # the torque of the rotor of an axis, of known inertia, shape (n,) [N m or N]
+    rotor = motor_torque(robot, motion.q, motion.qd, motion.qdd)[:, axis]
     soft = q[:, :0] if gears is None else gears[:, axis]
     return side_by_side(rows, coupled_friction(robot, qd, axis), soft, rotor, friction)
-
-
-def rotor_torque(robot: Robot, motion: Motion, axis: int) -> Array:
-    """Return the torque of the rotor of an axis, of known inertia, shape (n,) [N m or N]."""
-    return motor_torque(robot, motion.q, motion.qd, motion.qdd)[:, axis]

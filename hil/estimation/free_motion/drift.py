@@ -139,35 +139,23 @@ def find_drift(products: Products, choice: Choice, duration: float) -> Drift:
     friction = np.where(changes, own, 0.0)
     shared = np.zeros((len(fitted.layout.shared), n))
     changing = np.vstack([shared, block_diag(*friction[:, :, np.newaxis])])[fitted.kept]
-    search, spans = _Search(fitted.normal, changing), [0] * n
-    for axis in range(n):
-        tried = {str(k): search.error((*spans[:axis], k, *spans[axis + 1 :])) for k in possible}
-        spans[axis] = int(simplest(tried, n))
-    return Drift(tuple(spans), friction)
+    system, spans = fitted.normal, [0] * n
+    sides = system.N @ changing, system.v @ changing
+    squares = np.swapaxes(sides[0], 1, 2) @ changing
 
-
-class _Search:
-    """Normal equations of constant friction, extended by candidate drifts.
-
-    Parameters
-    ----------
-    changing : ndarray, shape (n, n_joints)
-        Coefficients of the drifting terms, by axis.
-    """
-
-    def __init__(self, system: Normal, changing: Array) -> None:
-        self._system = system
-        self._sides = system.N @ changing, system.v @ changing
-        self._squares = np.swapaxes(self._sides[0], 1, 2) @ changing
-
-    def error(self, spans: Sequence[int]) -> Array:
-        """Return squared errors on held-out blocks at the fitted speeds."""
-        system, axes = self._system, np.repeat(np.arange(len(spans)), spans)
+    def error(spans: Sequence[int]) -> Array:
+        """Return squared errors on held-out blocks at the fitted speeds, with drifting levels."""
+        axes = np.repeat(np.arange(n), spans)
         hats = np.hstack([levels(len(system.v), k) for k in spans])
-        beside = self._sides[0][:, :, axes] * hats[:, np.newaxis]
-        corner = self._squares[:, axes[:, np.newaxis], axes]
+        beside = sides[0][:, :, axes] * hats[:, np.newaxis]
+        corner = squares[:, axes[:, np.newaxis], axes]
         corner = corner * hats[:, :, np.newaxis] * hats[:, np.newaxis]
         N = np.block([[system.N, beside], [np.swapaxes(beside, 1, 2), corner]])
-        v = np.hstack([system.v, self._sides[1][:, axes] * hats])
+        v = np.hstack([system.v, sides[1][:, axes] * hats])
         whole = Normal(N, v, system.square)
         return HeldOut(whole, whole).error(np.arange(v.shape[1]))
+
+    for axis in range(n):
+        tried = {str(k): error((*spans[:axis], k, *spans[axis + 1 :])) for k in possible}
+        spans[axis] = int(simplest(tried, n))
+    return Drift(tuple(spans), friction)

@@ -19,10 +19,10 @@ from hil.estimation.free_motion.choice import (
     choose,
     classical_choice,
     covariance_of_choices,
+    held_axes,
     usual,
 )
 from hil.estimation.free_motion.drift import Drift, find_drift
-from hil.estimation.free_motion.held import held_axes
 from hil.estimation.free_motion.motion import filtered_motion
 from hil.estimation.free_motion.nuisances import find_nuisances
 from hil.estimation.free_motion.scaling import (
@@ -100,19 +100,14 @@ class Gathered:
 
     Attributes
     ----------
-    found : Survey
     stretches : list of Motion
         Filtered stretches of the survey.
-    processing : Processing
     lag_error : ndarray, shape (n_joints,)
         Standard errors of the lags of the torques [s].
-    reasons : Reasons
     first : ndarray, shape (n_base,)
         First estimate, for load-dependent friction.
     recorded : Products
         Products of the recorded signals.
-    scaling : Scaling
-    choice : Choice
     drift : Drift
         Drift of the friction level; constant levels if gains are unknown.
     edges : tuple of Edge
@@ -251,30 +246,22 @@ def gather_rates(
     """Condense recordings separately by sampling rate, fastest first.
 
     A filter designed for one rate removes signal at another rate, or passes noise. Parameters and
-    errors are those of `gather`.
+    errors are those of `gather`. An unknown gain is common to all recordings, so there is one rate.
     """
-    rates = _divide_by_rate(free_motions(recorded))
-    return [gather(robot, each, variant, options, p=p) for each in rates]
-
-
-def _divide_by_rate(motions: Iterable[tuple[FreeMotion, Recording]]) -> list[Recorded]:
-    """Divide recordings by sampling rate, unless gains are unknown.
-
-    An unknown gain is common to all recordings.
-    """
-    firsts: list[float] = []
+    motions, firsts = free_motions(recorded), list[float]()
     for motion, recording in motions:
         if motion.unknown_gains:
-            return [motions]
+            return [gather(robot, motions, variant, options, p=p)]
         firsts.append(recording.period)
     firsts.sort()
     # largest ratio of sampling periods within a rate: the filter depends on the rate, and the rates
     # of equal clocks differ by less
     limits = [b for a, b in pairwise(firsts) if b > 1.5 * a]
-    return [
+    rates = (
         Selected(motions, lambda _, each, a=a, b=b: a <= each.period < b)  # type: ignore[misc]
         for a, b in pairwise([0.0, *limits, np.inf])
-    ]
+    )
+    return [gather(robot, each, variant, options, p=p) for each in rates]
 
 
 def rate_regressions(gathered: Sequence[Gathered]) -> list[Kind]:
@@ -334,13 +321,7 @@ def _first_pieces(robot: Robot, found: Survey, processing: Processing) -> Blocks
 def _unspoilt_stretches(
     found: Survey, motions: Iterable[tuple[FreeMotion, Recording]], processing: Processing
 ) -> list[Motion]:
-    """Filter the survey's stretches, or longer stretches if filter transients cover all of them.
-
-    Raises
-    ------
-    NotEnoughData
-        Filter transients cover every recording.
-    """
+    """Filter the survey's stretches, or longer stretches if filter transients cover all of them."""
     stretches = [filtered_motion(each, processing) for each in found.stretches]
     if any(each.used.any() for each in stretches):
         return stretches

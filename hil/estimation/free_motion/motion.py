@@ -31,7 +31,7 @@ from hil.least_squares.standstill import braked
 from hil.least_squares.window import widen
 
 if TYPE_CHECKING:
-    from hil.arrays import Array, Indices, Mask
+    from hil.arrays import Array, Mask
     from hil.friction.direction import Direction
     from hil.runs.recording import Recording
 
@@ -106,8 +106,19 @@ def low_passed(
     changes = np.flatnonzero(changing(x))
     kept, n_kept = whole // every, -(-n // every)
     frequencies, gain = _response(whole, kept, period, cut_off)
-    continued = _continued(x, changes, pad, whole)
-    spectrum = fft.rfft(continued, overwrite_x=True)[:, : kept // 2 + 1]
+    # continue columns by point reflections and a ramp to the first value, (k, whole)
+    n = len(x)
+    body = np.empty((len(changes), whole))
+    inner = body[:, pad : pad + n]
+    for row, k in zip(inner, changes, strict=True):
+        row[:] = x[:, k]
+    first, last = inner[:, :1], inner[:, -1:]
+    body[:, :pad] = 2 * first - inner[:, pad:0:-1]
+    body[:, pad + n : 2 * pad + n] = 2 * last - inner[:, -2 : -2 - pad : -1]
+    share = np.linspace(0.0, 1.0, whole - n - 2 * pad + 2)[1:-1]
+    begin, end = body[:, :1], body[:, 2 * pad + n - 1 : 2 * pad + n]
+    body[:, 2 * pad + n :] = (1.0 - share) * end + share * begin
+    spectrum = fft.rfft(body, overwrite_x=True)[:, : kept // 2 + 1]
     spectrum *= gain / every
     if ahead is not None:
         spectrum *= np.exp(2j * np.pi * np.outer(ahead[changes], frequencies))
@@ -143,22 +154,6 @@ def reach(period: float, cut_off: float) -> int:
     return int(np.ceil(REACH / (cut_off * period)))
 
 
-def _continued(x: Array, columns: Indices, pad: int, whole: int) -> Array:
-    """Continue columns by point reflections and a ramp to the first value, (k, whole)."""
-    n = len(x)
-    body = np.empty((len(columns), whole))
-    inner = body[:, pad : pad + n]
-    for row, k in zip(inner, columns, strict=True):
-        row[:] = x[:, k]
-    first, last = inner[:, :1], inner[:, -1:]
-    body[:, :pad] = 2 * first - inner[:, pad:0:-1]
-    body[:, pad + n : 2 * pad + n] = 2 * last - inner[:, -2 : -2 - pad : -1]
-    share = np.linspace(0.0, 1.0, whole - n - 2 * pad + 2)[1:-1]
-    begin, end = body[:, :1], body[:, 2 * pad + n - 1 : 2 * pad + n]
-    body[:, 2 * pad + n :] = (1.0 - share) * end + share * begin
-    return body
-
-
 @dataclass(frozen=True, slots=True, eq=False)
 class Processing:
     """Settings of signal processing, common to the recordings of an estimate.
@@ -183,7 +178,7 @@ class Processing:
     rest : ndarray, shape (n_joints,), optional
         Positions of axes at rest [rad or m], NaN for the others; by default none rests.
     held : tuple of int
-        Axes at rest, from 0, whose torque is not used (`hil.estimation.free_motion.held`).
+        Axes at rest, from 0, whose torque is not used (`hil.estimation.free_motion.choice`).
     moving_only : bool
         Use the torque of an axis only while it moves (`hil.estimation.free_motion.gathering`).
     """
@@ -210,8 +205,6 @@ class Motion:
 
     Attributes
     ----------
-    processing : Processing
-    rates : Rates
     q, qd, qdd : ndarray, shape (n, n_joints)
         Motion [rad or m, per s and per s^2], at `rates.fine`.
     tau : ndarray, shape (n_used, n_joints)
@@ -325,7 +318,20 @@ def filtered_motion(recording: Recording, processing: Processing, offset: int = 
     """
     period, band = recording.period, processing.band
     rates = Rates.choose(period, processing.cut_off, band)
-    q, qd, qdd = _motion(recording, processing, rates, offset)
+
+    def passed(x: Array, derivatives: int) -> tuple[Array, ...]:
+        x = _every_other(x, offset)
+        return low_passed(x, recording.period, processing.cut_off, rates.fine, derivatives)
+
+    q, qd, qdd = passed(recording.q, 2)
+    if recording.qd is not None:
+        taken = processing.recorded_velocity & np.isfinite(recording.qd).all(axis=0)
+        if taken.any():
+            qd[:, taken], qdd[:, taken] = passed(recording.qd[:, taken], 1)
+    if processing.rest is not None:
+        # the noise of an axis at rest would seem to excite parameters
+        still = np.isfinite(processing.rest)
+        q[:, still], qd[:, still], qdd[:, still] = processing.rest[still], 0.0, 0.0
     every = rates.fine * rates.coarse
     window = _window(recording, processing, np.repeat(qd, rates.fine, axis=0)[: len(recording.q)])
     tau = filtered_torque(recording, band, every, processing.lag, window)
@@ -379,25 +385,6 @@ def filtered_torque(
         late = np.column_stack([np.interp(t + s, t, x) for s, x in zip(lag, tau.T, strict=True)])
         tau, ahead = window * late, None
     return low_passed(tau, recording.period, band, every, ahead=ahead)[0]
-
-
-def _motion(
-    recording: Recording, processing: Processing, rates: Rates, offset: int
-) -> tuple[Array, Array, Array]:
-    def passed(x: Array, derivatives: int) -> tuple[Array, ...]:
-        x = _every_other(x, offset)
-        return low_passed(x, recording.period, processing.cut_off, rates.fine, derivatives)
-
-    q, qd, qdd = passed(recording.q, 2)
-    if recording.qd is not None:
-        taken = processing.recorded_velocity & np.isfinite(recording.qd).all(axis=0)
-        if taken.any():
-            qd[:, taken], qdd[:, taken] = passed(recording.qd[:, taken], 1)
-    if processing.rest is not None:
-        # the noise of an axis at rest would seem to excite parameters
-        still = np.isfinite(processing.rest)
-        q[:, still], qd[:, still], qdd[:, still] = processing.rest[still], 0.0, 0.0
-    return q, qd, qdd
 
 
 def _every_other(x: Array, offset: int) -> Array:

@@ -43,12 +43,7 @@ joints of the TX40, 16 % on EMPS.
 
 
 def enlarge_covariance(
-    x: Array,
-    V: Array,
-    metric: Array,
-    layout: Layout,
-    degrees: Array,
-    free: Sequence[int] = (),
+    x: Array, V: Array, metric: Array, layout: Layout, degrees: Array, free: Sequence[int] = ()
 ) -> tuple[Array, list[int]]:
     """Enlarge the covariance of unusual offsets indistinguishable from gravity.
 

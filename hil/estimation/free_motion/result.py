@@ -69,7 +69,6 @@ class FreeMotionFit(FileModel):
     ----------
     cut_off, band : float
         Cut-off frequencies of the low-pass of the motion, and of that of torque and columns [Hz].
-    cut_off_reason : str
     dead_zone : float
         Slowest fitted speed as a share of an axis's speed; slower samples are included in
         residuals.
@@ -77,8 +76,6 @@ class FreeMotionFit(FileModel):
         Axes with recorded velocity, from 1.
     velocity_reasons : tuple of str
         Reason for each axis; empty in models of earlier versions.
-    axes : tuple of AxisLaw
-    coupled : tuple of CoupledFriction
     relative_residual : tuple of float or None
         Root mean square residual of all samples over that of the torque, axis by axis.
     overall_residual : float

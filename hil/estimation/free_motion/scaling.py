@@ -168,10 +168,23 @@ def first_scaling(
         )
     if p is not None:
         return _fit_gains(recorded, unknown, p)
-    require_scale(robot, recorded, unknown)
+    _require_scale(robot, recorded, unknown)
     axes, usual_gains = list(unknown), np.ones(recorded.n_channels)
     usual_gains[axes] = np.sqrt(_usual_torque(recorded, unknown) / _mean_squares(recorded)[axes, 0])
-    starts = usual_gains, _solve_linear_problem(recorded, unknown, usual_gains)
+    # solve the linear problem for the gains, bounded around usual ones, shape (n_joints,)
+    axes, layout = list(unknown), recorded.layout
+    torque = Scaling.known(np.ones(recorded.n_channels)).signal(layout)
+    signals = _alone(layout, {axis: -torque[axis] for axis in axes})
+    torque[axes, 0] = 0.0
+    torque[:, 1 + layout.index(ROTOR)] = -1.0
+    linear = recorded.recast(torque, signals, (ROTOR,))
+    square = _mean_squares(recorded)[:, 0]
+    weights = np.where(square > _TINY, 1.0 / np.maximum(usual_gains**2 * square, _TINY), 0.0)
+    kept = kept_by(linear.layout, [USUAL] * recorded.n_channels)
+    x = Regression(linear, weights, kept).solution
+    gains = usual_gains.copy()
+    gains[axes] = [x[linear.layout.index(gain_name(axis))] for axis in axes]
+    starts = usual_gains, np.clip(gains, usual_gains / FARTHEST, usual_gains * FARTHEST)
     found = [_converged(recorded, unknown, gains) for gains in starts]
     # smaller differences are rounding errors, and the first start is used
     return min(found, key=lambda each: round(each[1], 6))[0]
@@ -247,23 +260,6 @@ def _iterate(
     return scaling
 
 
-def _solve_linear_problem(recorded: Blocks, unknown: tuple[int, ...], usual_gains: Array) -> Array:
-    """Solve the linear problem for the gains, bounded around usual ones, shape (n_joints,)."""
-    axes, layout = list(unknown), recorded.layout
-    torque = Scaling.known(np.ones(recorded.n_channels)).signal(layout)
-    signals = _alone(layout, {axis: -torque[axis] for axis in axes})
-    torque[axes, 0] = 0.0
-    torque[:, 1 + layout.index(ROTOR)] = -1.0
-    linear = recorded.recast(torque, signals, (ROTOR,))
-    square = _mean_squares(recorded)[:, 0]
-    weights = np.where(square > _TINY, 1.0 / np.maximum(usual_gains**2 * square, _TINY), 0.0)
-    kept = kept_by(linear.layout, [USUAL] * recorded.n_channels)
-    x = Regression(linear, weights, kept).solution
-    gains = usual_gains.copy()
-    gains[axes] = [x[linear.layout.index(gain_name(axis))] for axis in axes]
-    return np.clip(gains, usual_gains / FARTHEST, usual_gains * FARTHEST)
-
-
 def _mean_squares(recorded: Blocks) -> Array:
     """Return mean squares of signals and columns, shape (n_joints, m)."""
     counts = np.maximum(recorded.counts.sum(axis=0), 1.0)[:, np.newaxis]
@@ -282,14 +278,8 @@ def _usual_torque(recorded: Blocks, unknown: tuple[int, ...]) -> float:
     return float(np.mean(squares[:, 1 + recorded.layout.index(ROTOR)])) or 1.0
 
 
-def require_scale(robot: Robot, recorded: Blocks, unknown: tuple[int, ...]) -> None:
-    """Raise an error if the torques do not determine the scale.
-
-    Raises
-    ------
-    NotIdentifiable
-        Gains and base parameters are determined only up to scale; the message names them.
-    """
+def _require_scale(robot: Robot, recorded: Blocks, unknown: tuple[int, ...]) -> None:
+    """Raise an error if the torques determine gains and base parameters only up to scale."""
     lost = _open(recorded, unknown)
     axes = [axis for axis in unknown if gain_name(axis) in lost]
     if not axes:

@@ -62,7 +62,6 @@ class Reasons:
 
     Attributes
     ----------
-    cut_off : str
     velocities : tuple of str
         Reason for each joint.
     """
@@ -74,7 +73,8 @@ class Reasons:
 def processing_of(found: Survey) -> tuple[Processing, Reasons]:
     """Choose the settings for the recordings, with reasons."""
     period = found.stretches[0].period
-    long = _long(found)
+    # the longest stretches, with the most information
+    long = sorted(found.stretches, key=lambda part: -part.n_samples)[:10]
     moves = moving_in([extent(part.q, part.period) for part in long])
     moves[:, list(found.still)] = False
     each = [
@@ -122,11 +122,6 @@ def _chosen(bandwidths: Sequence[float], period: float) -> tuple[float, str]:
     return max(wanted, LOWEST), (
         f"up to this frequency the positions' spectrum is {ABOVE:g} times the noise or more"
     )
-
-
-def _long(found: Survey) -> list[Recording]:
-    """Return the longest stretches, with the most information."""
-    return sorted(found.stretches, key=lambda part: -part.n_samples)[:10]
 
 
 def bandwidth(f: Array, power: Array, period: float) -> float:

@@ -63,7 +63,6 @@ class Solution:
 
     Attributes
     ----------
-    fit : Fit
     moved : float
         Largest change of an unknown by the correction, over its standard error.
     possible : bool
@@ -150,13 +149,9 @@ def solve(
 
 
 def settled(
-    robot: Robot,
-    pieces: Regression,
-    fit: Fit,
-    configurations: Array | None,
-    prior: Prior | None,
+    robot: Robot, pieces: Regression, fit: Fit, configurations: Array | None, prior: Prior | None
 ) -> Solution:
-    """Complete a fit by a prior, then by a positive mass matrix at `configurations`."""
+    """Complete a fit by a prior, errors of unusual offsets, and a positive mass matrix."""
     share, n, N = None, len(base_parameters(robot)), pieces.normal.information
     wide = open_covariance(robot, N)
     lost = np.flatnonzero(np.diag(wide)[:n])
@@ -172,10 +167,22 @@ def settled(
         lost = lost[~prior.predict(robot)[1][lost].any(axis=1)]
     if len(lost) == n:  # combinations of all: as many names as there are combinations
         lost = lost[_independent(wide[np.ix_(fit.kept[lost], fit.kept[lost])])]
-    found = Solution(fit)
-    if configurations is not None:
-        found = _possible(robot, pieces, fit, configurations, wide)
-    return replace(found, prior_share=share, lost=tuple(lost.tolist()))
+    if configurations is None:
+        return Solution(fit, prior_share=share, lost=tuple(lost.tolist()))
+    # The move minimises the increase of the torque residuals: its metric is that of the normal
+    # equations. If a residual grows by more than `MATERIAL` on any axis, the model has another
+    # error, and the parameters stay unchanged.
+    metric = embedded(inverse(pieces.normal.information), fit.kept, len(fit.x)) + wide
+    covariance, unusual = enlarge_covariance(
+        fit.x, fit.covariance, metric, fit.layout, fit.degrees_of_freedom, weight_in_offset(robot)
+    )
+    nearest = nearest_positive(robot, fit.x, metric, configurations)
+    error = np.sqrt(np.maximum(np.diag(covariance), np.finfo(float).tiny))
+    moved = float(np.abs((nearest - fit.x) / error)[fit.kept].max(initial=0.0))
+    before, after = (pieces.blocks.mean_squares(x) for x in (fit.x, nearest))
+    possible = bool(np.all(after <= (1.0 + MATERIAL) ** 2 * before))
+    fit = replace(fit, x=nearest if possible else fit.x, covariance=covariance)
+    return Solution(fit, moved, possible, tuple(unusual), share, tuple(lost.tolist()))
 
 
 def _independent(covariance: Array) -> Indices:
@@ -241,34 +248,6 @@ def _completed(robot: Robot, pieces: Regression, fit: Fit, prior: Prior) -> tupl
     ), share
 
 
-def _possible(
-    robot: Robot, pieces: Regression, fit: Fit, configurations: Array, wide: Array
-) -> Solution:
-    """Enlarge unusual offsets' errors, and make the mass matrix positive if possible.
-
-    The move minimises the increase of the torque residuals: its metric is that of the normal
-    equations. If a residual grows by more than `MATERIAL` on any axis, the model has another error,
-    and the parameters stay unchanged.
-    """
-    metric = embedded(inverse(pieces.normal.information), fit.kept, len(fit.x)) + wide
-    covariance, unusual = enlarge_covariance(
-        fit.x,
-        fit.covariance,
-        metric,
-        fit.layout,
-        fit.degrees_of_freedom,
-        weight_in_offset(robot),
-    )
-    nearest = nearest_positive(robot, fit.x, metric, configurations)
-    error = np.sqrt(np.maximum(np.diag(covariance), np.finfo(float).tiny))
-    moved = float(np.abs((nearest - fit.x) / error)[fit.kept].max(initial=0.0))
-    before, after = (pieces.blocks.mean_squares(x) for x in (fit.x, nearest))
-    possible = bool(np.all(after <= (1.0 + MATERIAL) ** 2 * before))
-    x = nearest if possible else fit.x
-    fit = replace(fit, x=x, covariance=covariance)
-    return Solution(fit, moved, possible, tuple(unusual))
-
-
 def require_determined(robot: Robot, pieces: Regression, still: Sequence[int]) -> None:
     """Raise an error for base parameters not determined although all axes move.
 
@@ -290,7 +269,18 @@ def require_determined(robot: Robot, pieces: Regression, still: Sequence[int]) -
     rest = [k for k in range(len(N)) if k not in rotors]
     open_ = [rest[k] for k in _open(N[np.ix_(rest, rest)], len(base) - len(rotors))]
     beside = [k for k in lost if k not in open_]
-    reasons = [_explain_slide(base, beside, axis, column) for column, axis in rotors.items()]
+    # With the component g of gravity along a slide of constant direction, the force is m (qdd + g)
+    # + Ia qdd + offset: Ia may have any value, with m smaller by Ia and the offset larger by g Ia.
+    reasons = [
+        f"the rotor inertia of axis {axis + 1} ({base.names[column]}) cannot be distinguished "
+        f"from the moved mass (in {_listed(base, [k for k in beside if k != column])}): on a "
+        "prismatic axis gravity is a constant force, like the offset of friction. State the "
+        f"rotor_inertia of joint {axis + 1} in the robot file (such as robot.yaml in the run "
+        "folder), as in drive: {gear_ratio: 1, rotor_inertia: 0, torque_constant: unknown}. With 0 "
+        "the mass includes the rotor inertia, and the offset includes the weight; torques stay the "
+        "same"
+        for column, axis in rotors.items()
+    ]
     if len(open_) == len(lost) - len(rotors):
         reasons, open_ = [], lost
     if open_ and not still:
@@ -311,20 +301,3 @@ def _open(N: Array, n: int, rank: float = RANK) -> list[int]:
 
 def _listed(base: BaseParameters, columns: Sequence[int]) -> str:
     return ", ".join(base.names[column] for column in columns)
-
-
-def _explain_slide(base: BaseParameters, lost: Sequence[int], axis: int, column: int) -> str:
-    """Explain why rotor inertia and moved mass of a slide cannot be separated.
-
-    With the component g of gravity along a slide of constant direction, the force is m (qdd + g) +
-    Ia qdd + offset: Ia may have any value, with m smaller by Ia and the offset larger by g Ia.
-    """
-    others = [k for k in lost if k != column]
-    return (
-        f"the rotor inertia of axis {axis + 1} ({base.names[column]}) cannot be distinguished "
-        f"from the moved mass (in {_listed(base, others)}): on a prismatic axis gravity is a "
-        "constant force, like the offset of friction. State the rotor_inertia of joint "
-        f"{axis + 1} in the robot file (such as robot.yaml in the run folder), as in drive: "
-        "{gear_ratio: 1, rotor_inertia: 0, torque_constant: unknown}. With 0 the mass includes "
-        "the rotor inertia, and the offset includes the weight; torques stay the same"
-    )

@@ -11,7 +11,7 @@ from hil.errors import Mismatch, NotEnoughData
 from hil.least_squares.standstill import extent, moving
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Mapping
+    from collections.abc import Iterable
 
     from hil.arrays import Array
     from hil.planning.free_motion import FreeMotion
@@ -48,7 +48,6 @@ class Survey:
         Total duration [s].
     longest : float
         Duration of the longest recording [s].
-    n_recordings : int
     cut_off : float or None
         Lowest cut-off stated by the recordings [Hz].
     too_short : tuple of str
@@ -132,6 +131,14 @@ def survey(
             f"no recording has {FEWEST} samples or more; import longer ones without gaps"
         )
     still = ~moving(extents)
+    # the axes of unknown gain, from 0, common to the recordings
+    name, axes = next(iter(unknown.items()))
+    for other, its in unknown.items():
+        if its != axes:
+            raise Mismatch(
+                f"{other}: the axes of unknown gain are {list(its)}, but those of {name} are "
+                f"{list(axes)}; state the gain of an axis in all maps, or in none"
+            )
     return Survey(
         stretches=tuple(stretches.kept),
         speed=np.where(still, 1.0, np.maximum(np.max(speeds, axis=0), SLOWEST)),
@@ -141,20 +148,8 @@ def survey(
         n_recordings=len(speeds),
         cut_off=min(stated, default=None),
         too_short=tuple(short),
-        unknown_gains=_alike(unknown),
+        unknown_gains=tuple(axis - 1 for axis in axes),
     )
-
-
-def _alike(unknown: Mapping[str, tuple[int, ...]]) -> tuple[int, ...]:
-    """Return the axes of unknown gain, from 0, common to the recordings."""
-    name, axes = next(iter(unknown.items()))
-    for other, its in unknown.items():
-        if its != axes:
-            raise Mismatch(
-                f"{other}: the axes of unknown gain are {list(its)}, but those of {name} are "
-                f"{list(axes)}; state the gain of an axis in all maps, or in none"
-            )
-    return tuple(axis - 1 for axis in axes)
 
 
 def configurations(found: Survey, n: int = CONFIGURATIONS) -> Array:

@@ -78,7 +78,6 @@ class Symmetry(FileModel):
 
     Attributes
     ----------
-    measurements : int
     asymmetry, standard_error : float
         Excess of forward friction over the mean, as a share of the friction level.
     p_zero : float
@@ -114,7 +113,6 @@ def judge_points(points: Sequence[FrictionPoint], bound: float = BOUND) -> dict[
 
     Parameters
     ----------
-    points : sequence of FrictionPoint
     bound : float
         Largest acceptable asymmetry, as a share of the friction level.
     """
@@ -237,7 +235,6 @@ class FrictionPoint:
 
     Attributes
     ----------
-    id : str
     axis : int
         Axis from 0.
     time : float
@@ -290,15 +287,12 @@ class GravityModel:
 
 
 def points(
-    robot: Robot,
-    recorded: Iterable[tuple[Friction, Recording]],
-    model: GravityModel | None = None,
+    robot: Robot, recorded: Iterable[tuple[Friction, Recording]], model: GravityModel | None = None
 ) -> tuple[list[FrictionPoint], list[str]]:
     """Compute friction points from friction measurements.
 
     Parameters
     ----------
-    robot : Robot
     recorded : iterable of (Friction, Recording)
     model : GravityModel, optional
         Compensates gravity.

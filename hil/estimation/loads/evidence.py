@@ -40,7 +40,6 @@ class Evidence:
     ----------
     kind : str
         Kind of groups: measurements or periods with friction of their own, or pieces of time.
-    blocks : Blocks
     apart : frozenset of str
         Columns with separate unknowns in each run of this kind.
     terms : tuple of frozenset of str

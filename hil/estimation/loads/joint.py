@@ -240,7 +240,18 @@ class JointRuns:
             return ()
         blocks = self._joined([run.blocks for run in self._every])
         without, with_load = (blocks.where(blocks.labels["run"] == s) for s in (0, 1))
-        return tuple(_misfit(without, with_load, self.x, len(self._names["base"])))
+        # compare both runs by axis, without axes that hardly move in the run with the load
+        n_base = len(self._names["base"])
+        found = []
+        for axis in range(with_load.n_channels):
+            before, after = (_left(blocks, axis, self.x, n_base) for blocks in (without, with_load))
+            # minimum number of measurements of an axis in a run
+            if min(len(before), len(after)) >= 2:
+                (square, r), (square_with, s) = before.sum(axis=0), after.sum(axis=0)
+                ratio = float(square_with / s / (square / r)) if square > 0 else 1.0
+                chance = special.fdtrc(len(after), len(before), ratio)
+                found.append(AxisMisfit(axis=axis + 1, ratio=ratio, p_value=float(chance)))
+        return tuple(found)
 
     def _regression(self, blocks: Blocks) -> Regression:
         """Return the regression of blocks, weighted by axis and run."""
@@ -273,10 +284,8 @@ class JointRuns:
     def _run_blocks(self, s: int, recorded: Blocks, torque: str | None) -> Blocks:
         """Return the blocks of a run with the columns of gains and load.
 
-        Parameters
-        ----------
-        torque : str, optional
-            Column in place of the torque less its known part; for an empty name, the torque alone.
+        The column `torque` replaces the torque less its known part; an empty name leaves the
+        torque.
         """
         (known, columns, kind), carried = self.terms, self._carry[s]
         scaling = Scaling(self.gains[s], tuple(self._open[s]), self._solution(s))
@@ -323,28 +332,6 @@ class JointRuns:
             return f"{name} of run {s}"
         other = run.kind != first.kind and name in run.blocks.own
         return f"{name} of {run.kind}" if other else name
-
-
-def _misfit(without: Blocks, with_load: Blocks, x: Array, n_base: int) -> list[AxisMisfit]:
-    """Compare both runs by axis, without axes that hardly move in the run with the load.
-
-    Parameters
-    ----------
-    without, with_load : Blocks
-        Measurements, with the base parameters' columns first.
-    x : ndarray, shape (n,)
-        Solution for all unknowns.
-    """
-    found = []
-    for axis in range(with_load.n_channels):
-        before, after = (_left(blocks, axis, x, n_base) for blocks in (without, with_load))
-        # minimum number of measurements of an axis in a run
-        if min(len(before), len(after)) >= 2:
-            (square, r), (square_with, s) = before.sum(axis=0), after.sum(axis=0)
-            ratio = float(square_with / s / (square / r)) if square > 0 else 1.0
-            chance = special.fdtrc(len(after), len(before), ratio)
-            found.append(AxisMisfit(axis=axis + 1, ratio=ratio, p_value=float(chance)))
-    return found
 
 
 def _left(blocks: Blocks, axis: int, x: Array, n_base: int) -> Array:
@@ -408,23 +395,11 @@ def fit_load(
             wanted = list(range(robot.n_joints)) if gains else sorted(unknown)
             joint = _determined(robot, runs, terms, mass, wanted)
             change = terms.known + terms.columns @ joint.values("load")
-    return _described(joint, wanted, mass, known, free, covariance)
-
-
-def _described(
-    joint: JointRuns,
-    wanted: list[int],
-    mass: float | None,
-    known: Array,
-    free: Array,
-    covariance: Covariance,
-) -> Load:
-    load = load_columns(joint.robot)
-    base, at, gains = (joint.places(kind) for kind in ("base", "load", "gain"))
+    base, at, scale = (joint.places(kind) for kind in ("base", "load", "gain"))
     V, degrees = joint.uncertainty(covariance)
-    errors = np.zeros(joint.robot.n_joints)
+    errors = np.zeros(robot.n_joints)
     errors[wanted] = np.inf
-    errors[joint.axes] = np.sqrt(np.diag(V)[gains])
+    errors[joint.axes] = np.sqrt(np.diag(V)[scale])
     lost = joint.undetermined("load")
     seen = np.where(lost, 0.0, 1.0)
     of_base = V[np.ix_(base, base)]

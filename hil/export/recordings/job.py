@@ -47,7 +47,6 @@ class Job:
 
     Attributes
     ----------
-    run : Run
     folder : Path
         Empty folder for all files.
     joints : tuple of str

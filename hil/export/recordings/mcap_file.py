@@ -140,13 +140,7 @@ class _Content:
 
 
 def _timeline(run: Run) -> Iterator[tuple[str, int]]:
-    """Yield id and time 0 on the clock [ns] of all measurements, without overlap.
-
-    Raises
-    ------
-    FileError
-        A recording is damaged, or the journal lacks the start of a session.
-    """
+    """Yield id and time 0 on the clock [ns] of all measurements, without overlap."""
     spans = sorted(
         (each.session, float(time[0]), float(time[-1]), each.measurement.id)
         for each, time in ((each, each.recording.time) for each in run)

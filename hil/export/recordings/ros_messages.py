@@ -33,7 +33,6 @@ class Diagnosis(NamedTuple):
         Subject of the diagnosis.
     level : int
         One of the levels above.
-    text : str
     values : mapping of str to str
         Values by key; keys include units.
     """

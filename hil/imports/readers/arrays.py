@@ -68,8 +68,6 @@ def table_of(
 
     Parameters
     ----------
-    path : Path
-    arrays : dict of str to array
     left_out : dict of str to str, optional
         Contents without columns, with the reason.
 

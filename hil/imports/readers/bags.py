@@ -56,10 +56,6 @@ class _Listing(FileModel, extra="ignore"):
 class Bag:
     """Bag of ROS: a file, or a folder with ``metadata.yaml``.
 
-    Parameters
-    ----------
-    path : Path
-
     Raises
     ------
     FileError
@@ -133,7 +129,6 @@ class OpenBag:
 
     Parameters
     ----------
-    path : Path
     readers : sequence of object
         Readers of the files, by rosbags or `CutMcap`.
     compressed : bool
@@ -221,12 +216,7 @@ def _unpacked_chunk(file: Path, otherwise: Callable[[bytes], bytes], data: bytes
 
 
 def _refuse_links(folder: Path) -> None:
-    """Refuse a rosbag2 with files that are links to outside of its folder.
-
-    Raises
-    ------
-    FileError
-    """
+    """Refuse a rosbag2 with files that are links to outside of its folder."""
     inside = folder.resolve()
     for each in folder.iterdir():
         if not each.resolve().is_relative_to(inside):

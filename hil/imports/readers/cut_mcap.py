@@ -36,7 +36,6 @@ class CutMcap:
 
     Parameters
     ----------
-    path : Path
     typestore : object
         Type store of rosbags, with the types of messages.
     """

@@ -117,19 +117,8 @@ def _column(
 ) -> tuple[int, Callable[[slice], object]]:
     """Return the length of a channel, and a function that reads a slice.
 
-    Parameters
-    ----------
-    path : Path
-        Path of the header.
-    channel : dict of str to str
-    n_stored : int
-        Number of channels stored alike in the channel's file.
-    swapped : bool
-        True if values have their high byte first.
-
-    Raises
-    ------
-    _NotRead, KeyError, ValueError
+    The channel's file holds `n_stored` channels stored alike; `swapped` values begin with the high
+    byte.
     """
     n, offset, factor = int(channel["220"]), float(channel["240"]), float(channel["241"])
     if not channel["210"].startswith("E"):

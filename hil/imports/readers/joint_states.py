@@ -113,16 +113,11 @@ class JointStates:
             yield "it is truncated (recorder killed?): all complete messages are read"
 
 
-def _numbers(n: int) -> tuple[str, ...]:
-    """Return names for unnamed joints."""
-    return tuple(str(number + 1) for number in range(n))
-
-
 def _joints_of(names: tuple[str, ...], n: int) -> tuple[str, ...]:
     """Return the joints of `n` values: the names, or numbers where names do not correspond."""
     if len(names) == n:
         return names
-    return () if any(map(str.isdigit, names)) else _numbers(n)
+    return () if any(map(str.isdigit, names)) else tuple(str(number + 1) for number in range(n))
 
 
 def _some(messages: Iterator[tuple[int, bytes]]) -> Iterator[tuple[int, bytes]]:
@@ -193,7 +188,6 @@ class Rows:
 
         Parameters
         ----------
-        messages : sequence of bytes
         received : array (n_messages,)
             Stamps of the bag [ns].
         """

@@ -141,7 +141,8 @@ def layout_of(text: str, stated: Format) -> Layout:
     thousands = _thousands([row for _, row in rows[-_LOOKED_AT:]], stated)
     if thousands:
         rows = [
-            (n, [c.replace(thousands, "") if _digits(c) else c for c in row]) for n, row in rows
+            (n, [c.replace(thousands, "") if _GROUPED_CELL.fullmatch(c) else c for c in row])
+            for n, row in rows
         ]
     decimal = {"": stated.decimal, ",": ".", ".": ","}[thousands] or _decimal(last, delimiter)
     scope = _find_scope_row([row for _, row in rows])
@@ -268,10 +269,6 @@ def _thousands(rows: Sequence[Sequence[str]], stated: Format) -> str:
     return found.pop() if len(found) == 1 else ""
 
 
-def _digits(cell: str) -> bool:
-    return bool(_GROUPED_CELL.fullmatch(cell))
-
-
 def _decimal(lines: Sequence[str], delimiter: str) -> str:
     if delimiter == ",":
         return "."
@@ -325,7 +322,10 @@ def _names(above: Sequence[Sequence[str]]) -> tuple[str, ...]:
     for lower, row in zip(above[::-1], above[-2::-1], strict=False):
         if len(row) != len(lower):
             break
-        if _has_units(lower):
+        if all(
+            cell.lower().replace(" ", "") in _UNITS or _IN_BRACKETS.fullmatch(cell)
+            for cell in lower
+        ):
             units = [cell.strip("[]() ") for cell in lower]
         elif not (len(set(row)) == len(row) and all(row) and len(set(lower)) < len(lower)):
             break  # comments or types repeat words below distinct names
@@ -335,12 +335,6 @@ def _names(above: Sequence[Sequence[str]]) -> tuple[str, ...]:
 
 def _add_unit(name: str, unit: str) -> str:
     return f"{name} [{unit}]" if name and unit and not _IN_BRACKETS.search(name) else name
-
-
-def _has_units(row: Sequence[str]) -> bool:
-    return all(
-        cell.lower().replace(" ", "") in _UNITS or _IN_BRACKETS.fullmatch(cell) for cell in row
-    )
 
 
 def _find_scope_row(rows: Sequence[Sequence[str]]) -> Sequence[str]:

@@ -235,7 +235,7 @@ class _Contents:
         from scipy.io.matlab import MatlabFunction, MatlabOpaque  # noqa: PLC0415 - slow to load
 
         if isinstance(value, MatlabOpaque):
-            self._add_object(name, _class_of(value))
+            self._add_object(name, _decoded(value["s2"].item()))
         elif isinstance(value, MatlabFunction):
             self.left_out[name] = "a function"
         elif not isinstance(value, np.ndarray):
@@ -399,10 +399,6 @@ def _objects(path: Path) -> Iterator[tuple[str, Any]]:
                 value = loadmat(cast("Any", variable)).get("None")
                 if value is not None:
                     yield _decoded(value["s0"].item()), value
-
-
-def _class_of(value: Any) -> str:
-    return _decoded(value["s2"].item())
 
 
 def _decoded(text: object) -> str:

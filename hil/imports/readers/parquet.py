@@ -278,11 +278,6 @@ def _lines(path: Path, text: str) -> BytesIO | None:
     """Return the objects of a list of JSON as lines; None for a file of lines.
 
     A single object of equally long lists holds columns, whose samples are returned.
-
-    Raises
-    ------
-    FileError
-        The table of the objects would exceed the budget.
     """
     listed = text.lstrip().startswith("[")
     decoder, lines = json.JSONDecoder(parse_constant=lambda _: None), BytesIO()

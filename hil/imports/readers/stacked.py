@@ -47,7 +47,6 @@ class Channels:
 
     Parameters
     ----------
-    table : Table
     clocks : sequence of int
         Column of the time stamps, for all columns.
     """

@@ -228,13 +228,7 @@ def _is_number(cell: str) -> bool:
 
 
 def _numbers(cells: NDArray[np.str_]) -> Array:
-    """Convert the cells of a column in a single call, with the rules of `TextTable`.
-
-    Raises
-    ------
-    ValueError
-        A cell contains other text.
-    """
+    """Convert the cells of a column in a single call, with the rules of `TextTable`."""
     with suppress(ValueError):
         return cells.astype(np.float64)
     cells = np.char.strip(cells)

@@ -69,7 +69,6 @@ def mark_old_values(
 
     Parameters
     ----------
-    recording : Recording
     acceleration : float
         Highest acceleration of the motion [rad/s^2 or m/s^2].
     axes : sequence of AxisInfo
@@ -202,7 +201,6 @@ def refuse_jumps(
 
     Parameters
     ----------
-    recording : Recording
     acceleration : float
         Highest acceleration of the motion [rad/s^2 or m/s^2].
     resolution : sequence (n_joints,) or float
@@ -240,15 +238,7 @@ def refuse_jumps(
 
 
 class _Path:
-    """Positions of an axis, shape (n,), at increasing instants with errors up to `age`.
-
-    Parameters
-    ----------
-    time, q : arrays (n,)
-        Time stamps [s] and positions [rad or m].
-    age : float
-        Expected interval after the last sample [s]; 0 if all instants are exact.
-    """
+    """Positions of an axis [rad or m] at increasing instants [s] with errors up to `age` [s]."""
 
     def __init__(self, time: Array, q: Array, age: float) -> None:
         self._time, self._q = time, q
@@ -279,10 +269,7 @@ class _Path:
     def _off_path(self, before: Indices) -> Array:
         """Return distances of two samples after bends from the path before, or vice versa [rad, m].
 
-        Parameters
-        ----------
-        before : array of int, shape (k,)
-            Last samples before the bends.
+        `before` are the last samples before the bends.
         """
         last = len(self._q) - 1
         speeds = (

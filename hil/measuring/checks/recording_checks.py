@@ -306,7 +306,6 @@ def check(recording: Recording, measurement: Measurement, robot: Robot) -> list[
 
     Parameters
     ----------
-    recording : Recording
     measurement : Measurement
         Planned measurement.
     robot : Robot

@@ -124,9 +124,7 @@ class DhRobot:
 
     Attributes
     ----------
-    name : str
     notation : {"standard", "modified"}
-    joints : tuple of LimitedJoint
     frames : Frames
         Frames in modified notation; frame 0 is that of the table.
     rounded : float
@@ -245,7 +243,14 @@ def convert_table(text: str, source: str) -> str:
             raise FileError(
                 f"{source}:{k + 1}: {len(cells)} cells must be {len(keys)}, as in the head"
             )
-        found[k] = _row(keys, cells, delimiter)
+        # format a row as a mapping; empty cells are left out
+        words = [key in ("type", "name") for key in keys]
+        pairs = [
+            f"{key}: {json.dumps(cell if is_word or delimiter == ',' else cell.replace(',', '.'))}"
+            for key, cell, is_word in zip(keys, cells, words, strict=True)
+            if cell
+        ]
+        found[k] = f"  {{{', '.join(pairs)}}},"
     return "\n".join([*found, "]}"])
 
 
@@ -283,14 +288,3 @@ def _header(names: list[str], at: str) -> tuple[list[str], dict[str, str]]:
     if "angles" not in units:
         raise FileError(f"{at}: the unit of angles is missing; write alpha [rad] or alpha [deg]")
     return keys, units
-
-
-def _row(keys: list[str], cells: list[str], delimiter: str) -> str:
-    """Format a row as a mapping; empty cells are left out."""
-    text = [key in ("type", "name") for key in keys]
-    pairs = [
-        f"{key}: {json.dumps(cell if is_text or delimiter == ',' else cell.replace(',', '.'))}"
-        for key, cell, is_text in zip(keys, cells, text, strict=True)
-        if cell
-    ]
-    return f"  {{{', '.join(pairs)}}},"

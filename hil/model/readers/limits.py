@@ -33,7 +33,6 @@ class LimitedJoint:
 
     Attributes
     ----------
-    name : str
     type : {"revolute", "prismatic"}
     lower, upper : float
         Range [rad or m].
@@ -64,7 +63,11 @@ def drop_placeholders(joints: Sequence[_Joint]) -> tuple[tuple[_Joint, ...], tup
     """
     found: dict[tuple[str, str], list[str]] = {}
     kept = []
-    alike = _placeholder_efforts(joints)
+    # One effort for all joints that is a power of ten is no rating of motors: ratings have three
+    # digits or so, and few are powers of ten, and the first joints of a chain carry the others.
+    alike = {joint.effort for joint in joints if joint.effort > 0}
+    if len(joints) == 1 or len(alike) != 1 or not math.log10(min(alike)).is_integer():
+        alike = set()
     for joint in joints:
         unknown: dict[str, Any] = {}
         for keys, limit, reason in _placeholders(joint, alike):
@@ -76,18 +79,6 @@ def drop_placeholders(joints: Sequence[_Joint]) -> tuple[tuple[_Joint, ...], tup
         for (limit, reason), names in found.items()
     )
     return tuple(kept), (f"limits taken as unknown: {', '.join(limits)}",) if found else ()
-
-
-def _placeholder_efforts(joints: Sequence[LimitedJoint]) -> set[float]:
-    """Return efforts that cannot be ratings of motors.
-
-    One effort for all joints that is a power of ten: ratings have three digits or so, and few are
-    powers of ten, and the first joints of a chain carry the others.
-    """
-    stated = {joint.effort for joint in joints if joint.effort > 0}
-    if len(joints) > 1 and len(stated) == 1 and math.log10(min(stated)).is_integer():
-        return stated
-    return set()
 
 
 def _placeholders(

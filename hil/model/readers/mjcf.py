@@ -51,8 +51,6 @@ class MjcfChain(UrdfChain):
 
     Attributes
     ----------
-    text : MjcfText
-    model : mujoco.MjModel
     bodies, dofs : tuple of int
         Number of the body and of the degree of freedom of each joint, as compiled.
     stated_gravity : tuple of float
@@ -84,7 +82,6 @@ def read_mjcf(path: str | Path, base: str | None = None, tip: str | None = None)
 
     Parameters
     ----------
-    path : path
     base, tip : str, optional
         Names of bodies, several tips separated by commas; by default the world, and the body at the
         end of the longest chain, or the whole tree if several chains are as long.
@@ -280,13 +277,9 @@ class _Reader:
             place=str(placed.wrong(f"joint {model.jnt(k).name!r}")),
         )
         before = here @ anchor @ joint.motion(-float(model.qpos0[model.jnt_qposadr[k]]))
-        return _place_joint(joint, before), inverse(anchor)
-
-
-def _place_joint(joint: UrdfJoint, before: Array) -> UrdfJoint:
-    exact = before.copy()
-    exact[:3, :3] = _snap(before[:3, :3])
-    return replace(joint, before=exact)
+        exact = before.copy()
+        exact[:3, :3] = _snap(before[:3, :3])
+        return replace(joint, before=exact), inverse(anchor)
 
 
 def _snap(directions: Array) -> Array:

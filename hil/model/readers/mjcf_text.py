@@ -47,7 +47,6 @@ class MjcfText:
 
     Attributes
     ----------
-    files : dict of Path to XmlFile
     bodies : list of (Placed, list of Placed)
         Bodies with their joints; the first is the world, which has no element.
     """
@@ -176,11 +175,7 @@ class MjcfText:
         return tostring(root, encoding="unicode"), given
 
     def _copy(
-        self,
-        source: Placed,
-        target: Element,
-        geoms: list[tuple[Element, str]],
-        body: str = "",
+        self, source: Placed, target: Element, geoms: list[tuple[Element, str]], body: str = ""
     ) -> None:
         """Copy the relevant part of an element, and list geoms needed for inertias.
 

@@ -87,7 +87,6 @@ def robot_as_stated(
 
     Parameters
     ----------
-    chain : UrdfChain
     gravity : sequence of three floats, optional
         As in `draft_robot`.
     weighed : sequence of int

@@ -93,7 +93,6 @@ class UrdfChain:
     ----------
     robot, base, tip : str
         Names of the robot and of the links; several tips are separated by commas.
-    joints : tuple of UrdfJoint
     parents : tuple of int
         Joints that carry each joint, from 0; -1 for the base.
     rounded : float
@@ -175,7 +174,6 @@ def read_urdf(path: str | Path, base: str | None = None, tip: str | None = None)
 
     Parameters
     ----------
-    path : path
     base, tip : str, optional
         Names of links, several tips separated by commas; by default those of the chain with the
         most moving joints, or the whole tree if several chains have as many.

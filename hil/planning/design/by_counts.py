@@ -56,7 +56,6 @@ def design(
 
     Parameters
     ----------
-    robot : Robot
     counts : mapping, optional
         Number of measurements by kind. The default of a kind is in `COUNTS`, increased for many
         parameters, and reduced for constant gravity. A kind without parameters is left out.
@@ -80,7 +79,23 @@ def design(
             elements = ELEMENTS[name](guarded, list(columns))
             # by default at least 3 measurements per parameter
             usual = max(COUNTS[name], 3 * len(columns))
-            chosen = _choose(guarded, elements, (counts or {}).get(name), usual, workspace)
+            count = (counts or {}).get(name)
+            spread = [candidates(guarded, element, workspace) for element in elements]
+            weighted = [
+                element.row(q) / guarded.torque_limit[element.axis]
+                for element, q in zip(elements, spread, strict=True)
+            ]
+            scale = np.sqrt(np.mean(np.concatenate(weighted) ** 2, axis=0))
+            covariance = 1e3 * np.eye(len(scale))
+            chosen: list[Chosen] = []
+            for element, q, rows, share in zip(
+                elements, spread, weighted, _shares(elements, weighted, count, usual), strict=True
+            ):
+                picked = greedy(rows / scale, places(guarded, q), covariance, share)
+                chosen += [
+                    (element, element.turn_motors(guarded, q[index], k), k)
+                    for k, index in enumerate(picked, start=1)
+                ]
             middle = (guarded.q_min + guarded.q_max) / 2
             order = nearest_first(guarded, middle, np.array([q for _, q, _ in chosen]))
             measurements += [
@@ -129,33 +144,6 @@ def _refuse_few(robot: Robot, counts: Mapping[str, int]) -> None:
                 f"{count} measurements for the {group} group must be at least "
                 f"{len(groups[group])}, one for each parameter; raise the count"
             )
-
-
-def _choose(
-    robot: Robot,
-    elements: Sequence[Element],
-    count: int | None,
-    usual: int,
-    workspace: Workspace | None,
-) -> list[Chosen]:
-    """Choose elements and configurations for `count` measurements; None for the `usual` number."""
-    spread = [candidates(robot, element, workspace) for element in elements]
-    weighted = [
-        element.row(q) / robot.torque_limit[element.axis]
-        for element, q in zip(elements, spread, strict=True)
-    ]
-    scale = np.sqrt(np.mean(np.concatenate(weighted) ** 2, axis=0))
-    covariance = 1e3 * np.eye(len(scale))
-    chosen: list[Chosen] = []
-    for element, q, rows, share in zip(
-        elements, spread, weighted, _shares(elements, weighted, count, usual), strict=True
-    ):
-        picked = greedy(rows / scale, places(robot, q), covariance, share)
-        chosen += [
-            (element, element.turn_motors(robot, q[index], k), k)
-            for k, index in enumerate(picked, start=1)
-        ]
-    return chosen
 
 
 def _shares(

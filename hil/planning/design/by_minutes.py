@@ -68,8 +68,6 @@ class Selection:
 
     Parameters
     ----------
-    robot : Robot
-    options : sequence of Option
     criterion : {"det", "torque"}
     known : ndarray, shape (n, n), optional
         Information of earlier measurements.
@@ -90,7 +88,13 @@ class Selection:
         joints = range(robot.n_joints)
         self._moves = np.array([[j in each.measurement.moved for j in joints] for each in options])
         self._blocks = _blocks(options)
-        self._information = _prior(options, n_unknowns(robot))
+        # a prior small enough to be negligible, large enough for finite determinants
+        diagonal = np.zeros(n_unknowns(robot))
+        for option in options:
+            for at, worth in option.worth:
+                diagonal[at] += np.diag(worth) / len(options)
+        # negligible information: a millionth of the mean option's
+        self._information = np.diag(np.where(diagonal > 0, 1e-6 * diagonal, 1.0))
         if known is not None:
             self._information += known
         self._options = options
@@ -138,7 +142,14 @@ class Selection:
         found = np.empty(len(self._worth))
         for at, numbers, worth in self._blocks:
             if self._criterion == "det":
-                found[numbers] = self._growth(at, worth, inverse, common)
+                # growth of log det
+                unit = np.eye(len(at))
+                inner = at >= self._n_base
+                own = at[inner] - self._n_base
+                _, whole = np.linalg.slogdet(unit + worth @ inverse[np.ix_(at, at)])
+                nuisance = worth[:, inner][:, :, inner] @ common[np.ix_(own, own)]
+                _, part = np.linalg.slogdet(np.eye(len(own)) + nuisance)
+                found[numbers] = whole - part
             else:
                 # relative decrease in the variance of torques
                 rows = self._scale[:, np.newaxis] * inverse[: self._n_base, at]
@@ -147,17 +158,6 @@ class Selection:
                 variance = self._scale**2 @ np.diag(inverse)[: self._n_base]
                 found[numbers] = fall / variance
         return found
-
-    def _growth(self, at: Indices, worth: Array, inverse: Array, common: Array) -> Array:
-        """Compute the growth of log det for options with unknowns `at`."""
-        unit = np.eye(len(at))
-        inner = at >= self._n_base
-        own = at[inner] - self._n_base
-        _, whole = np.linalg.slogdet(unit + worth @ inverse[np.ix_(at, at)])
-        nuisance = worth[:, inner][:, :, inner] @ common[np.ix_(own, own)]
-        _, part = np.linalg.slogdet(np.eye(len(own)) + nuisance)
-        growth: Array = whole - part
-        return growth
 
     def _costs(self) -> Array:
         """Return the duration of every option, travel included [s]."""
@@ -183,16 +183,6 @@ def _blocks(options: Sequence[Option]) -> list[tuple[Indices, Indices, Array]]:
     return found
 
 
-def _prior(options: Sequence[Option], n: int) -> Array:
-    """Return a prior small enough to be negligible, large enough for finite determinants."""
-    diagonal = np.zeros(n)
-    for option in options:
-        for at, worth in option.worth:
-            diagonal[at] += np.diag(worth) / len(options)
-    # negligible information: a millionth of the mean option's
-    return np.diag(np.where(diagonal > 0, 1e-6 * diagonal, 1.0))
-
-
 CORE = 2
 """Measurements per parameter of a group, by the group's own kind."""
 OF_TRAJECTORIES = "t"
@@ -216,7 +206,6 @@ def design_within(
 
     Parameters
     ----------
-    robot : Robot
     minutes : float
         Duration including travel and warm-up [min].
     noise : Noise
@@ -260,7 +249,6 @@ def refine(
 
     Parameters
     ----------
-    robot : Robot
     minutes : float
         Duration including travel [min].
     noise : Noise
@@ -290,13 +278,7 @@ def refine(
 
 
 def _core(robot: Robot, options: Sequence[Option], each: int) -> list[int]:
-    """Choose options to identify every group by its own kind of measurement.
-
-    Parameters
-    ----------
-    each : int
-        Measurements for each parameter.
-    """
+    """Choose `each` options per parameter to identify each group by its own kind of measurement."""
     found: list[int] = []
     for group in dict.fromkeys(option.group for option in options):
         numbers = [k for k, option in enumerate(options) if option.group == group]
@@ -330,7 +312,20 @@ def _fill(
     while selection.duration < 1.15 * budget or len(selection.chosen) < least:
         selection.take_best()
     chosen = selection.measurements
-    fits = _count_fitting(robot, chosen, least, budget)
+    # the number of leading measurements within budget [s]; refuse fewer than least
+    needed = total_duration(robot, _tour(robot, chosen[:least]))
+    if needed > budget:
+        raise ValueError(
+            f"{budget / 60:.3g} minutes for measurements must be at least {needed / 60:.3g}, for "
+            f"{least} measurements and the travel between; give more --minutes"
+        )
+    fits, exceeds = least, len(chosen) + 1
+    while exceeds - fits > 1:
+        middle = (fits + exceeds) // 2
+        if total_duration(robot, _tour(robot, chosen[:middle])) > budget:
+            exceeds = middle
+        else:
+            fits = middle
     if workspace is None:
         return _tour(robot, chosen[:fits])
     guarded = narrow_ranges(robot, workspace)
@@ -360,32 +355,6 @@ def _merge(chosen: Sequence[ParameterMeasurement]) -> list[ParameterMeasurement]
         elif first := streamed.pop(each.id, None):
             found.append(first.model_copy(update={"cycles": periods[each.id]}))
     return found
-
-
-def _count_fitting(
-    robot: Robot, chosen: Sequence[ParameterMeasurement], least: int, budget: float
-) -> int:
-    """Return the number of leading measurements of `chosen` that fit into `budget` [s].
-
-    Raises
-    ------
-    ValueError
-        Fewer than `least` measurements fit.
-    """
-    needed = total_duration(robot, _tour(robot, chosen[:least]))
-    if needed > budget:
-        raise ValueError(
-            f"{budget / 60:.3g} minutes for measurements must be at least {needed / 60:.3g}, for "
-            f"{least} measurements and the travel between; give more --minutes"
-        )
-    fits, exceeds = least, len(chosen) + 1
-    while exceeds - fits > 1:
-        middle = (fits + exceeds) // 2
-        if total_duration(robot, _tour(robot, chosen[:middle])) > budget:
-            exceeds = middle
-        else:
-            fits = middle
-    return fits
 
 
 def order_by_travel(

@@ -102,14 +102,8 @@ def sweep(
     return make_plan(robot, measurements, workspace=workspace)
 
 
-def stops(
-    robot: Robot,
-    axis: int,
-    motion: float = 600.0,
-    rests: Sequence[float] = STOPS,
-    workspace: Workspace | None = None,
-) -> Plan:
-    """Plan continuous motion of an axis with stops [s], reading the torque every `INTERVAL`.
+def stops(robot: Robot, axis: int, workspace: Workspace | None = None) -> Plan:
+    """Plan continuous motion of an axis with `STOPS`, reading the torque every `INTERVAL`.
 
     Raises
     ------
@@ -122,9 +116,10 @@ def stops(
     pair = 2 * (once.profile(0).duration + TURN)
     pairs = max(0, round((INTERVAL - once.duration - SETTLING) / pair))
     exercise = (pairs - 0.5) * pair if pairs else None
-    each = max(1, round(motion / (pairs * pair + once.duration + SETTLING)))
+    # 600 s of motion before, between and after the stops
+    each = max(1, round(600.0 / (pairs * pair + once.duration + SETTLING)))
     measurements: list[Friction] = []
-    for rest in (None, *rests):
+    for rest in (None, *STOPS):
         for number in range(each):
             first = not number
             history = {"rest": rest} if first else {"exercise": exercise}

@@ -181,13 +181,11 @@ class WithoutLoad:
 
     Attributes
     ----------
-    robot : Robot
     plan : Plan
         Plan of the run: source of workspace and sample period.
     p : ndarray, shape (n_base,)
     friction : ndarray, shape (n_joints,)
         Highest friction of each axis [N m or N].
-    noise : Noise
     information : ndarray, shape (n_unknowns, n_unknowns)
         Information on all unknowns, under `noise`.
     """
@@ -390,31 +388,25 @@ def hold_axis(
 
 @lru_cache(maxsize=4)
 def _options(bare: WithoutLoad, poses: Poses = ()) -> list[Option]:
-    """Return the candidates for both stages."""
-    if poses:
-        return _hold_options(bare, _options(bare, poses[:-1]), *poses[-1])
-    plan = bare.plan
-    guarded = narrow_ranges(bare.robot, plan.workspace)
-    return pool(guarded, plan.workspace, plan.sample_period, bare.noise, 24)
-
-
-def _hold_options(
-    bare: WithoutLoad, options: Sequence[Option], axis: int, position: float
-) -> list[Option]:
-    """Return options without motion of an axis, held at a position and clear of all boxes."""
-    guarded = replace(bare, robot=narrow_ranges(bare.robot, bare.plan.workspace))
+    """Return the candidates for both stages, clear of all boxes, with axes held at `poses`."""
+    plan, guarded = bare.plan, replace(bare, robot=narrow_ranges(bare.robot, bare.plan.workspace))
+    if not poses:
+        return pool(guarded.robot, plan.workspace, plan.sample_period, bare.noise, 24)
+    axis, position = poses[-1]
     low, high = guarded.robot.q_min[axis], guarded.robot.q_max[axis]
     if not low <= position <= high:
         raise InvalidValue(
             f"axis {axis + 1} at {position:.4g} must be within {low:.4g} ... {high:.4g}"
             f" {'rad' if bare.robot.revolute[axis] else 'm'}, its range; correct --pose"
         )
-    still = [option for option in options if axis not in option.measurement.moved]
+    still = [
+        option for option in _options(bare, poses[:-1]) if axis not in option.measurement.moved
+    ]
     turned = [hold_axis(option.measurement, axis, position) for option in still]
     found = [
         replace(option, measurement=there, worth=guarded.judge(there))
         for option, there in zip(still, turned, strict=True)
-        if keeps_clear(guarded.robot, bare.plan.workspace, forecast(there, _INSTANT).q)
+        if keeps_clear(guarded.robot, plan.workspace, forecast(there, _INSTANT).q)
     ]
     if not found:
         raise InvalidValue(
@@ -479,13 +471,7 @@ def _slow_down(measurement: ParameterMeasurement, share: float) -> ParameterMeas
 
 
 def _choose(bare: WithoutLoad, options: Sequence[Option], known: Array, seconds: float) -> Plan:
-    """Choose measurements in turn within `seconds`, travels included.
-
-    Parameters
-    ----------
-    known : ndarray, shape (n_z, n_z)
-        Information about z so far, of full rank.
-    """
+    """Choose measurements in turn within `seconds`, travels included; `known` has full rank."""
     robot, workspace = bare.robot, bare.plan.workspace
     worth = [bare.embed(option.worth) for option in options]
     starts = np.array([option.measurement.start for option in options])

@@ -97,7 +97,12 @@ def gravity_motion(robot: Robot, axis: int) -> dict[str, Any]:
     window = min(max(GRAVITY_STROKE / velocity, shortest), longest)
     longer = _ramp(robot, axis, velocity) - RAMP_OF_CREEP
     stroke = min(velocity * (window + longer), max(LONGEST_STROKE, velocity * longer), room)
-    velocity = min(velocity, _cruising(robot, axis, stroke))
+    # the highest velocity held for SHORTEST_CRUISE in a stroke
+    limit = STEEPEST * float(robot.acceleration_limit[axis])
+    steep = SHORTEST_CRUISE * limit / 2
+    # stroke = velocity (cruise + ramp); the ramp lasts velocity / limit or RAMP_OF_CREEP
+    held = math.sqrt(steep**2 + limit * stroke) - steep, stroke / (SHORTEST_CRUISE + RAMP_OF_CREEP)
+    velocity = min(velocity, *held)
     _refuse_slow(robot, axis, velocity, f"gravity, in strokes of {stroke:.3g}")
     return {
         "stroke": stroke,
@@ -163,23 +168,8 @@ def _ramp(robot: Robot, axis: int, velocity: float) -> float:
     return max(velocity / (STEEPEST * float(robot.acceleration_limit[axis])), RAMP_OF_CREEP)
 
 
-def _cruising(robot: Robot, axis: int, stroke: float) -> float:
-    """Compute the highest velocity held for `SHORTEST_CRUISE` in a stroke."""
-    limit = STEEPEST * float(robot.acceleration_limit[axis])
-    steep = SHORTEST_CRUISE * limit / 2
-    # stroke = velocity (cruise + ramp); the ramp lasts velocity / limit or RAMP_OF_CREEP
-    return min(
-        math.sqrt(steep**2 + limit * stroke) - steep, stroke / (SHORTEST_CRUISE + RAMP_OF_CREEP)
-    )
-
-
 def _refuse_slow(robot: Robot, axis: int, velocity: float, what: str) -> None:
-    """Refuse motions too slow for the estimator to use any sample.
-
-    Raises
-    ------
-    ValueError
-    """
+    """Refuse motions too slow for the estimator to use any sample."""
     unit, least = robot.position_unit(axis), SLOWEST * float(robot.velocity_limit[axis])
     if velocity < least:
         raise ValueError(
@@ -271,14 +261,8 @@ def inertia_elements(robot: Robot, columns: list[int]) -> list[Element]:
     return [element(i) for i in range(robot.n_joints) if mass[i, i, columns].any()]
 
 
-def coupling_elements(robot: Robot, columns: list[int]) -> list[Element]:
-    """Return an off-diagonal element of M for every base parameter in `columns`.
-
-    Raises
-    ------
-    ValueError
-        The range of an axis is too short for creeping during the partner's strokes.
-    """
+def _coupling_elements(robot: Robot, columns: list[int]) -> list[Element]:
+    """Return an off-diagonal element of M per base parameter in `columns`; refuse short ranges."""
     middle = (robot.q_min + robot.q_max) / 2
 
     def element(j: int, i: int) -> Element:
@@ -307,7 +291,7 @@ def coupling_elements(robot: Robot, columns: list[int]) -> list[Element]:
 ELEMENTS: dict[str, Callable[[Robot, list[int]], list[Element]]] = {
     "gravity": gravity_elements,
     "inertia": inertia_elements,
-    "coupling": coupling_elements,
+    "coupling": _coupling_elements,
 }
 """Functions from base parameters to elements, by kind of measurement."""
 
@@ -327,7 +311,15 @@ def candidates(robot: Robot, element: Element, workspace: Workspace | None) -> A
     for i, stroke in element.strokes.items():
         beyond = (1 - RANGE) * (robot.q_max[i] - robot.q_min[i]) / 2
         half[i] -= stroke / 2 + max(_turn(robot, i) / 2 - beyond, 0.0)
-    joints = _influencing(element.row, middle, half)
+    # the joints whose angle changes the row
+    n = len(middle)
+    base = middle + half * halton(16, n)
+    moved = np.tile(base, (n + 1, 1, 1))
+    for joint in range(n):
+        moved[joint, :, joint] -= 0.7 * half[joint]
+    rows = element.row(moved.reshape(-1, n)).reshape(n + 1, len(base), -1)
+    change = np.abs(rows[:n] - rows[n]).max(axis=(1, 2))
+    joints = np.flatnonzero(change > 1e-9 * np.abs(rows[n]).max()).tolist()
     q = np.tile(middle, (CANDIDATES, 1))
     if joints:
         points = halton(CANDIDATES, len(joints))
@@ -398,15 +390,3 @@ def _turn(robot: Robot, axis: int) -> float:
     # at most a fifth of the range
     most = 0.2 * float(robot.q_max[axis] - robot.q_min[axis])
     return min(math.tau / float(robot.gear_ratio[axis]), most)
-
-
-def _influencing(row: Row, middle: Array, half: Array) -> list[int]:
-    """Return the joints whose angle changes the row."""
-    n = len(middle)
-    base = middle + half * halton(16, n)
-    moved = np.tile(base, (n + 1, 1, 1))
-    for joint in range(n):
-        moved[joint, :, joint] -= 0.7 * half[joint]
-    rows = row(moved.reshape(-1, n)).reshape(n + 1, len(base), -1)
-    change = np.abs(rows[:n] - rows[n]).max(axis=(1, 2))
-    return np.flatnonzero(change > 1e-9 * np.abs(rows[n]).max()).tolist()

@@ -126,7 +126,6 @@ class Basis:
 
     Parameters
     ----------
-    robot : Robot
     period : float
         Period of the fundamental [s].
     harmonics : int
@@ -141,11 +140,7 @@ class Basis:
     """
 
     def __init__(
-        self,
-        robot: Robot,
-        period: float,
-        harmonics: int = HARMONICS,
-        speed: Array | None = None,
+        self, robot: Robot, period: float, harmonics: int = HARMONICS, speed: Array | None = None
     ) -> None:
         if harmonics < 2:
             raise ValueError(
@@ -212,7 +207,19 @@ class Basis:
         u, sizes, vt = np.linalg.svd(self._matrix(*motion), full_matrices=False)
         shape = (self._n_samples, self._robot.n_joints, -1)
         G = ((u * _slope(sizes, criterion)) @ vt).reshape(shape)
-        slopes = self._slopes(motion, G)
+        # the derivative of sum G_ij W_ij by every joint's q, qd and qdd per instant
+        n = self._robot.n_joints
+        # central differences by 1e-5 of a limit, about the cube root of the rounding error
+        steps = (1e-5 * np.maximum(self._limits, 1e-9)).ravel()
+        moved = np.repeat(np.stack(motion)[:, np.newaxis], 6 * n, axis=1)
+        for k, step in enumerate(steps):
+            part, joint = divmod(k, n)
+            moved[part, 2 * k, :, joint] += step
+            moved[part, 2 * k + 1, :, joint] -= step
+        A = regressor(self._robot, *moved) / self._units
+        sums = np.einsum("rsij,sij->rs", A, G)
+        found = (sums[::2] - sums[1::2]) / (2 * steps[:, np.newaxis])
+        slopes = list(found.reshape(3, n, -1).swapaxes(1, 2))
         total = _value(sizes, criterion)
         for part, values in enumerate(motion):
             about = values - self._middle if part == 0 else values
@@ -247,21 +254,6 @@ class Basis:
 
     def _matrix(self, q: Array, qd: Array, qdd: Array) -> Array:
         return _stack(regressor(self._robot, q, qd, qdd) / self._units)
-
-    def _slopes(self, motion: tuple[Array, Array, Array], G: Array) -> list[Array]:
-        """Compute the derivative of sum G_ij W_ij by every joint's q, qd and qdd per instant."""
-        n = self._robot.n_joints
-        # central differences by 1e-5 of a limit, about the cube root of the rounding error
-        steps = (1e-5 * np.maximum(self._limits, 1e-9)).ravel()
-        moved = np.repeat(np.stack(motion)[:, np.newaxis], 6 * n, axis=1)
-        for k, step in enumerate(steps):
-            part, joint = divmod(k, n)
-            moved[part, 2 * k, :, joint] += step
-            moved[part, 2 * k + 1, :, joint] -= step
-        A = regressor(self._robot, *moved) / self._units
-        sums = np.einsum("rsij,sij->rs", A, G)
-        found = (sums[::2] - sums[1::2]) / (2 * steps[:, np.newaxis])
-        return list(found.reshape(3, n, -1).swapaxes(1, 2))
 
 
 def units(robot: Robot) -> Array:

@@ -20,13 +20,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from hil.least_squares.solving import (
-    IDENTIFIABLE,
-    eliminated,
-    inverse,
-    inverse_root,
-    undetermined,
-)
+from hil.least_squares.solving import IDENTIFIABLE, eliminated, inverse, inverse_root, undetermined
 from hil.model.base_parameters import base_parameters
 from hil.model.dynamics import regressor
 from hil.planning.measurement import ELEMENT_KINDS, element_measurements
@@ -148,18 +142,16 @@ def _assess(plan: Plan, robot: Robot, group: str, columns: list[int]) -> Identif
     hidden = tuple(base.names[c] for c in columns if base.dependencies.hidden[c])
     if not (hidden and len(W)):
         return _judge(group, names, len(W), W.T @ W)
-    found = _judge(group, names, len(W), *_together(plan, robot, columns))
-    return replace(found, hidden=hidden)
-
-
-def _together(plan: Plan, robot: Robot, columns: list[int]) -> tuple[Array, Array]:
     everything = range(len(base_parameters(robot)))
     rows, axes = [], []
     for kind in ELEMENT_KINDS.values():
         own = [m for m in element_measurements(plan.measurements) if m.kind == kind.name]
         rows.append(group_observations(plan, robot, kind.group, everything))
         axes += [m.index if kind.symbol == "g" else -1 for m in own]
-    return eliminate_others(np.vstack(rows), np.array(axes), columns)
+    found = _judge(
+        group, names, len(W), *eliminate_others(np.vstack(rows), np.array(axes), columns)
+    )
+    return replace(found, hidden=hidden)
 
 
 def _torque_rows(robot: Robot, chosen: Sequence[ElementMeasurement]) -> Array:
@@ -177,11 +169,7 @@ def _torque_rows(robot: Robot, chosen: Sequence[ElementMeasurement]) -> Array:
 
 
 def _judge(
-    group: str,
-    names: tuple[str, ...],
-    n_rows: int,
-    N: Array,
-    size: Array | None = None,
+    group: str, names: tuple[str, ...], n_rows: int, N: Array, size: Array | None = None
 ) -> Identifiability:
     n = len(names)
     if not n_rows:

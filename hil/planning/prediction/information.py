@@ -145,12 +145,7 @@ def _rounding_covariance(
 def _thin(whole: Array, alone: Array, kept: float) -> Array:
     """Compute the covariance if only a random share `kept` of the samples is used.
 
-    Parameters
-    ----------
-    whole : ndarray
-        Covariance with all samples.
-    alone : ndarray
-        Covariance of samples without common noise: noise of a random selection does not cancel.
+    Common noise is not in the samples `alone`: noise of a random selection does not cancel.
     """
     return kept**2 * whole + kept * (1.0 - kept) * alone
 

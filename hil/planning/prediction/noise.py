@@ -162,7 +162,6 @@ def stated_noise(
 
     Parameters
     ----------
-    robot : Robot
     resolution : sequence (n_joints,), optional
         Smallest step of each axis's torque reading [N m].
     increments : sequence (n_joints,), optional
@@ -179,7 +178,10 @@ def stated_noise(
         return Noise(
             torque, wander, f"{source}; encoder resolution not stated: its noise is left out"
         )
-    return Noise(torque, wander, source, rounded / np.sqrt(12.0), _inertia(robot))
+    of_limits = INERTIA * robot.torque_limit / robot.acceleration_limit
+    # inertia accelerated by every axis [kg m^2]
+    inertia = np.maximum(of_limits, np.diag(motor_inertia(robot, robot.q_min)))
+    return Noise(torque, wander, source, rounded / np.sqrt(12.0), inertia)
 
 
 def _describe_coarse(axes: Indices, lost: Array) -> str:
@@ -192,12 +194,6 @@ def _describe_coarse(axes: Indices, lost: Array) -> str:
         f"; axis {listed}: encoder resolution causes more noise than the torque signal and makes "
         f"inertias about {shares} % too small; standard deviations do not include this bias"
     )
-
-
-def _inertia(robot: Robot) -> Array:
-    """Estimate the inertia accelerated by every axis, shape (n_joints,) [kg m^2]."""
-    of_limits = INERTIA * robot.torque_limit / robot.acceleration_limit
-    return np.asarray(np.maximum(of_limits, np.diag(motor_inertia(robot, robot.q_min))))
 
 
 def _increments(robot: Robot) -> Array | None:

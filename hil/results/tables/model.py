@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from hil.estimation.back_and_forth.result import BackAndForthFit
-from hil.estimation.fit_details import MeasurementFit
+from hil.estimation.estimate import MeasurementFit
 from hil.estimation.free_motion.result import FreeMotionFit
 from hil.friction.ripple import ripple_left_out
 from hil.results.identified_robot import lacking

@@ -58,7 +58,8 @@ class Scale:
             each = (d * 10.0**e for e in exponents for d in ((1, 2, 5) if few else (1,)))
             return {value: f"{value:g}" for value in each if low <= value <= high}
         step, first, last = self._multiples(most, 1.0 if whole else 0.0)
-        digits = _digits(step)
+        # the decimals needed for multiples of step
+        digits = next((n for n in range(12) if abs(step * 10**n - round(step * 10**n)) < 1e-6), 12)
         return {k * step: signed(f"{k * step:.{digits}f}") for k in range(first, last + 1)}
 
     def _multiples(self, most: int, least: float) -> tuple[float, int, int]:
@@ -70,11 +71,6 @@ class Scale:
             if last - first < most and step >= least:
                 break
         return float(step), first, last
-
-
-def _digits(step: float) -> int:
-    """Return the decimals needed for multiples of `step`."""
-    return next((n for n in range(12) if abs(step * 10**n - round(step * 10**n)) < 1e-6), 12)
 
 
 def axis_range(items: Sequence[Item], wanted: Range | None, *, along: bool, decades: bool) -> Range:

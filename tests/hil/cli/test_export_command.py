@@ -89,7 +89,7 @@ def spoilt(run: Path, folder: Path) -> Path:
 
 @pytest.fixture(autouse=True)
 def few_samples(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("hil.export.ranges.SAMPLES", 1)
+    monkeypatch.setattr("hil.export.data_files.SAMPLES", 1)
 
 
 @pytest.mark.parametrize("to", [*FORMATS, *SIMULATORS])

@@ -10,7 +10,7 @@ import pytest
 from possible_models import model_of, possible
 
 import hil
-from hil.export import ranges
+from hil.export import data_files
 from hil.export.mjcf_file import write_mjcf
 from hil.results.consistency import find_consistent_robot
 
@@ -26,8 +26,8 @@ def test_every_sample_is_a_robot_of_bodies_and_loads_into_mujoco(
     model: hil.Model, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     mujoco = pytest.importorskip("mujoco")
-    monkeypatch.setattr(ranges, "SAMPLES", 3)
-    (text,) = ranges.write_ranges(model, ("origin",)).files.values()
+    monkeypatch.setattr(data_files, "SAMPLES", 3)
+    (text,) = data_files.write_ranges(model, ("origin",)).files.values()
     found = json.loads(text)
     (mjcf,) = write_mjcf(model, ()).files.values()
     assert len(found["samples"]) == 3
@@ -49,7 +49,7 @@ def test_every_sample_is_a_robot_of_bodies_and_loads_into_mujoco(
 
 def test_drawn_parameters_scatter_as_the_covariance_says(model: hil.Model) -> None:
     rng = np.random.default_rng(2)
-    drawn = [ranges.draw(model, rng) for _ in range(300)]
+    drawn = [data_files.draw(model, rng) for _ in range(300)]
     z = (np.array([each.values for each in drawn]) - model.values) / model.standard_errors
     np.testing.assert_allclose(z.std(axis=0), 1.0, atol=0.2)
     coulomb = [each.friction_law.axes[0].terms["Coulomb"].value for each in drawn]

@@ -12,7 +12,7 @@ from urdf_robots import ROBOTS, urdf
 
 import hil
 from hil.errors import NotEnoughData
-from hil.estimation.fit_details import NO_DETAILS
+from hil.estimation.estimate import NO_DETAILS
 from hil.friction.law import FrictionLaw
 from hil.model.base_parameters import base_parameters
 from hil.model.dynamics import inverse_dynamics
