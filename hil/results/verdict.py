@@ -283,15 +283,15 @@ def _unexcited(model: Model) -> Iterator[Reservation]:
     heavy = (errors[0] ** 2 > HALF * errors[1] ** 2) & ~weighed
     unknown = relative > TOLERANCE
     for axes, motion, remedy in (
-        (heavy & unknown, "a motion through its whole range", "over a wider range"),
-        (~heavy & unknown, "motions as fast as its limits allow", "with greater acceleration"),
+        (heavy & unknown, "motions through the whole range", "over a wider range"),
+        (~heavy & unknown, "motions as fast as limits allow", "with greater acceleration"),
     ):
         if axes.any():
             most = relative[axes].max()
-            known = f"uncertain by {most:.0%}" if most < 1 else "below its standard error"
+            known = f"known within {most:.0%} only" if most < 1 else "unknown"
             numbers = np.flatnonzero(axes) + 1
             yield doubtful(
-                f"{_axes(numbers)} not excited by the recordings: torque on {motion} is {known}",
+                f"{_axes(numbers)}: torque on {motion} is {known}, at most {TOLERANCE:.0%} allowed",
                 f"add recordings {remedy}; close to the recorded motions the model may be valid: "
                 "test it with hil validate",
             )
