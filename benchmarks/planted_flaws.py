@@ -58,6 +58,10 @@ def _late(q: Array, _tau: Array, time: Array, k: int, size: float) -> None:
     q[:, k] = np.interp(time - size / 1000, time, q[:, k])
 
 
+def _torque_late(_q: Array, tau: Array, time: Array, k: int, size: float) -> None:
+    tau[:, k] = np.interp(time - size / 1000, time, tau[:, k])
+
+
 def _slip(q: Array, _tau: Array, time: Array, k: int, size: float) -> None:
     if time[0] > HALF_WAY:
         q[:, k] -= math.radians(size)
@@ -91,7 +95,8 @@ def _swap(q: Array, tau: Array, _time: Array, k: int, _size: float) -> None:
 RECORDED: dict[str, Change] = {
     "joint offset": _zero, "position scale": _scale, "gear ratio": _gear,
     "torque constant": _constant, "drift of torque constant": _drift, "position delay": _late,
-    "slip": _slip, "spring": _spring, "torque ripple": _mesh, "torque at its limit": _clip,
+    "torque delay": _torque_late, "slip": _slip, "spring": _spring, "torque ripple": _mesh,
+    "torque at its limit": _clip,
     "wrong direction of an axis": _flip(0, 1), "wrong sign of a position": _flip(0),
     "wrong sign of a torque": _flip(1), "two axes exchanged": _swap,
 }  # fmt: skip

@@ -18,8 +18,9 @@ import numpy as np
 from hil.friction.equation import ASYMMETRIC, LOAD, OWN
 from hil.friction.law import FrictionLaw
 from hil.friction.search import axis_law
-from hil.friction.terms import OF_SPEED
+from hil.friction.terms import DRIFT, OF_SPEED
 from hil.least_squares.blocks import Blocks
+from hil.least_squares.solving import eliminated
 from hil.planning.measurement import FOR_A_LAW
 
 if TYPE_CHECKING:
@@ -30,6 +31,10 @@ if TYPE_CHECKING:
     from hil.friction.law import AxisLaw
     from hil.friction.warmth import History
     from hil.model.robot import Robot
+
+
+_Measured = tuple[float, "Array", "Array", int, float]
+"""Time, speed range, products, size and sum of squares of the noise of an axis's measurement."""
 
 
 def campaign_friction(
@@ -46,22 +51,22 @@ def campaign_friction(
     past : History, optional
         Motion history of the axes; without a history, warm-up is not modelled.
     """
-    found: list[list[tuple[float, Array, Array, int]]] = [[] for _ in range(robot.n_joints)]
+    found: list[list[_Measured]] = [[] for _ in range(robot.n_joints)]
     for each in (each for axes in stacks for each in axes):
         v = np.abs(each.friction[:, OWN.index("viscous")])
         limits = np.array([v.min(), v.max()]) * robot.velocity_limit[each.axis]
-        size = each.each * len(each.X)
-        # products of friction residual and terms, shape (1 + n_terms, 1 + n_terms), times the
-        # number of samples: a measurement counts by its duration
+        # products of friction residual, terms and drift, times the number of samples: a measurement
+        # counts by its duration
         common, rigid = each.loaded(each.load(p)).X[:, each.n_base :], each.X[:, : each.n_base]
         columns = dict(zip(OWN, each.friction.T, strict=True))
         columns |= dict(zip(("offset", "asymmetric"), common[:, ASYMMETRIC].T, strict=True))
-        columns["load"] = common[:, LOAD]
+        columns["load"], n = common[:, LOAD], len(each.X)
         left = each.torques[:, 0] - rigid @ p
-        whole = np.column_stack([left, *(columns[term] for term in OF_SPEED)])
-        found[each.axis].append(
-            (each.time, limits, np.asarray(each.each * (whole.T @ whole)), size)
-        )
+        whole = np.column_stack([left, *(columns[term] for term in (*OF_SPEED, DRIFT))])
+        product = np.asarray(each.each * (whole.T @ whole))
+        noise, rank = eliminated(product, len(product) - 1)
+        unbiased = float(noise[0, 0]) * n / max(n - rank, 1)
+        found[each.axis].append((each.time, limits, product, each.each * n, unbiased))
     limit = robot.velocity_limit.tolist()
     return FrictionLaw(
         axes=tuple(_law(own, limit[axis], past, axis) for axis, own in enumerate(found))
@@ -69,13 +74,14 @@ def campaign_friction(
 
 
 def _law(
-    measured: list[tuple[float, Array, Array, int]], limit: float, past: History | None, axis: int
+    measured: list[_Measured], limit: float, past: History | None, axis: int
 ) -> AxisLaw | None:
-    """Fit the law of an axis from times, speed ranges, products and sizes of measurements."""
+    """Fit the law of an axis to its measurements."""
     if len(measured) < FOR_A_LAW:
         return None
     in_time = sorted(measured, key=lambda each: each[0])
-    time, limits, products, sizes = map(np.array, zip(*in_time, strict=True))
-    blocks = Blocks((), tuple(OF_SPEED), products[:, np.newaxis], sizes[:, np.newaxis])
+    time, limits, products, sizes, noise = map(np.array, zip(*in_time, strict=True))
+    known = products[:, np.newaxis, :-1, :-1]
+    blocks = Blocks((), tuple(OF_SPEED), known, sizes[:, np.newaxis])
     speeds = float(limits[:, 0].min()), float(limits[:, 1].max())
-    return axis_law(blocks, limit, speeds, time, past, axis)
+    return axis_law(blocks, limit, speeds, time, past, axis, float(noise.sum()))

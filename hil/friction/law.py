@@ -1,7 +1,8 @@
 """Friction law of a model: friction torque of each axis, with uncertainty.
 
 The law of an axis is a sum of terms of velocity and load (`hil.friction.terms`). Its uncertainty
-has three sources. The coefficients of the terms scatter with the recordings. At speeds without
+has four sources. The coefficients of the terms scatter with the recordings. Few measurements show
+no law but the simplest, which leaves a part of friction's shape, `misfit`. At speeds without
 samples, laws with equal residuals diverge (`hil.friction.search`). Friction itself changes with
 temperature and lubricant, without a term for either: each measurement had another level. The
 largest deviation of a level, as a share of the level, is part of every interval, since a rested
@@ -123,6 +124,9 @@ class AxisLaw(FileModel):
         default the largest deviation in `level`.
     speeds : tuple of two floats, optional
         Slowest and fastest samples of the fit [rad/s or m/s].
+    misfit : float
+        Standard deviation of friction within a measurement about the law at the measurement's level
+        [N m or N]; 0 for free motions, whose residual contains it.
     unseen : tuple of tuple of two floats
         Speeds without samples [rad/s or m/s], ascending, each with the standard deviation of the
         change of friction from the nearest of `speeds` [N m or N]; linear in between.
@@ -150,6 +154,7 @@ class AxisLaw(FileModel):
     one_way: OneWay | None = None
     wander: float = 0.0
     speeds: tuple[float, float] | None = None
+    misfit: float = 0.0
     unseen: tuple[tuple[float, float], ...] = ()
     measurements: int | None = None
     warmth: Warmth | None = None
@@ -358,7 +363,7 @@ def friction_variance(
                 known = np.broadcast_to(level, found.shape)[:, axis]
                 away = np.where(np.isnan(known), away, known)
             found[:, axis] += (away * friction) ** 2
-            found[:, axis] += each.extrapolation(np.abs(qd_rows[:, axis])) ** 2
+            found[:, axis] += each.extrapolation(np.abs(qd_rows[:, axis])) ** 2 + each.misfit**2
         if law.coupled:
             error = np.array([part.standard_error for part in law.motor_terms])
             found[:, axis] += np.sum((coupled_friction(robot, qd_rows, axis) * error) ** 2, axis=1)

@@ -15,6 +15,7 @@ mean warmth.
 
 from __future__ import annotations
 
+import math
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -22,7 +23,7 @@ import numpy as np
 from hil.friction.direction import Direction
 from hil.friction.law import AxisLaw, TermValue
 from hil.friction.terms import CLASSICAL, DIRECTED, LAWS, USUAL, friction_columns
-from hil.friction.warmth import Exposure, deviations, find_warmth, states_at
+from hil.friction.warmth import Exposure, deviations, find_warmth, squared_errors, states_at
 from hil.least_squares.choice import HeldOut, simplest
 from hil.least_squares.regression import Regression
 
@@ -48,6 +49,7 @@ def axis_law(
     time: Array,
     past: History | None,
     axis: int,
+    noise: float = 0.0,
 ) -> AxisLaw:
     """Select and fit the friction law of an axis.
 
@@ -66,6 +68,8 @@ def axis_law(
         History of the axes; without a history warmth is not estimated.
     axis : int
         Axis in the history, from 0.
+    noise : float
+        Sum of the squares that friction fitted to each measurement leaves [(N m)^2 or N^2].
     """
     tried = {name: LAWS[name] for name in TRIED if set(LAWS[name]) <= set(measured.own)}
     system = measured.normal(np.ones(1))
@@ -81,6 +85,7 @@ def axis_law(
     if past is not None and np.isfinite(past.speed[:, axis]).all():
         level = sum(term in DIRECTED for term in terms)
         exposure = Exposure.compute(states_at(past, axis, time), away, level)
+    shape = float(squared_errors(own, values, 1.0 + away).sum()) - noise
     return AxisLaw(
         law=law,
         speed=speed,
@@ -91,6 +96,7 @@ def axis_law(
         wander=float(np.abs(away).max()),
         exposure=exposure,
         speeds=speeds,
+        misfit=math.sqrt(max(shape, 0.0) / float(own.counts.sum())),
         unseen=unseen(measured, {law: LAWS[law], **tried}, errors, speed, speeds),
         measurements=len(measured),
         warmth=None if warm is None else warm.warmth,

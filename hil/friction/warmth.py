@@ -383,7 +383,7 @@ def find_warmth(levels: Blocks, time: Array, past: History, axis: int) -> WarmLa
         alone, same = _fitted(rest, np.zeros(len(rest)), 1).values, np.ones(len(held))
         last = 1.0 + deviations(rest, alone)[max(out.start - 1, 0)]
         tried = (alone, same), (alone, last * same), (warm.values, warm.factors(courses[taus][out]))
-        errors.append([_errors(held, *each).sum() for each in tried])
+        errors.append([squared_errors(held, *each).sum() for each in tried])
     law, last, warm = np.transpose(errors)
     if simplest({"law": law, "warmth": warm}) == "law" or last.sum() <= warm.sum():
         return None
@@ -447,7 +447,7 @@ def _fitted(levels: Blocks, warmth: Array, steps: int) -> _Fit:
     return _Fit(values, slope, reference, regression)
 
 
-def _errors(levels: Blocks, values: Array, factors: Array) -> Array:
+def squared_errors(levels: Blocks, values: Array, factors: Array) -> Array:
     """Return the squared error of each measurement with scaled levels of the law, shape (n,)."""
     scaled = np.where(np.isin(levels.own, DIRECTED), factors[:, np.newaxis], 1.0) * values
     around = np.column_stack([np.ones(len(scaled)), -scaled])

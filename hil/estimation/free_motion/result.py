@@ -153,5 +153,5 @@ class FreeMotionFit(FileModel):
     @field_serializer("axes")
     def _drop_derived(self, axes: tuple[AxisLaw, ...]) -> list[dict[str, Any]]:
         """Serialise axes without redundant entries and entries of measurements only."""
-        others = {"wander", "speeds", "unseen", "measurements", "warmth", "exposure"}
+        others = {"wander", "speeds", "misfit", "unseen", "measurements", "warmth", "exposure"}
         return [axis.model_dump(mode="json", exclude=others) for axis in axes]

@@ -14,6 +14,7 @@ from hil.model.robot import Robot
 
 LIMIT = 4.0
 LEVELS = 0.97, 1.0, 1.03, 1.0, 0.98, 1.02
+NOISE = 0.05
 
 
 def degressive(v: np.ndarray) -> np.ndarray:
@@ -21,7 +22,7 @@ def degressive(v: np.ndarray) -> np.ndarray:
     return np.asarray(np.sign(v) * (8.0 + 8.0 * 2 / np.pi * np.arctan(np.abs(v) / 0.3)) + 2.0 * v)
 
 
-def blocks(slowest: float) -> Blocks:
+def blocks(slowest: float, levels: tuple[float, ...] = LEVELS) -> Blocks:
     """Return measurements at speeds from `slowest` to 0.9 of the limit, forward and backward."""
     one_way = np.linspace(slowest, 0.9 * LIMIT, 60)
     v = np.append(one_way, -one_way)
@@ -33,11 +34,11 @@ def blocks(slowest: float) -> Blocks:
     }  # fmt: skip
     X = np.column_stack([columns[term] for term in OF_SPEED])
     rng, products = np.random.default_rng(1), []
-    for level in LEVELS:
-        y = level * degressive(v) + 0.05 * rng.standard_normal(len(v))
+    for level in levels:
+        y = level * degressive(v) + NOISE * rng.standard_normal(len(v))
         whole = np.column_stack([y, X])
         products.append(whole.T @ whole)
-    counts = np.full((len(LEVELS), 1), float(len(v)))
+    counts = np.full((len(levels), 1), float(len(v)))
     return Blocks((), tuple(OF_SPEED), np.array(products)[:, np.newaxis], counts)
 
 
@@ -81,6 +82,18 @@ def _samples(v: np.ndarray) -> object:
 
     one = np.ones_like(v)
     return _Samples(v / LIMIT, Direction(one, 0 * one), 0 * v, 0 * v)
+
+
+def test_intervals_of_few_measurements_contain_friction_of_another_shape(robot: Robot) -> None:
+    slowest, time = 0.03 * LIMIT, 60.0 * np.arange(4)
+    measured = blocks(slowest, (0.995, 1.0, 1.005, 1.0))
+    noise = NOISE**2 * float(measured.counts.sum())
+    found = axis_law(measured, LIMIT, (slowest, 0.9 * LIMIT), time, None, 0, noise)
+    assert found.law == "Coulomb and viscous"  # four measurements show no other law
+    v = np.linspace(slowest, 0.9 * LIMIT, 60)
+    level = found.terms["Coulomb"].value + found.terms["viscous"].value * v / LIMIT
+    inside = np.abs(degressive(v) - level) < half(robot, found, v)
+    assert inside.mean() >= 0.9
 
 
 def test_a_law_from_slow_to_fast_is_sure_where_one_from_fast_alone_is_not() -> None:
