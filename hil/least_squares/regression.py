@@ -212,12 +212,17 @@ class Regression:
 
     def _beyond_groups(self, cells: Blocks, covariance: Covariance, most: int | None) -> Array:
         """Compute the covariance that cells show beyond the groups of the same recordings."""
-        x, root = self.solution[self.kept], inverse_root(self.normal.information)
 
         def spread(equations: Normal) -> Array:
-            changes = equations.scores(x) @ root @ root.T
+            # cells hold other samples at the ends of pieces, and no columns of time: the solution
+            # and the shares of each are those of its own equations
+            root, scores = (
+                inverse_root(equations.information),
+                equations.scores(equations.solution()),
+            )
+            changes = scores @ root @ root.T
             if covariance == "CR2":
-                changes = corrected(root, equations.N, equations.scores(x))
+                changes = corrected(root, equations.N, scores)
             return scatter(changes[equations.square > 0], few=True)
 
         weights = np.where(cells.counts.any(axis=0), self.weights, 0.0)

@@ -9,7 +9,8 @@ map states one. A period of the cut-off has at least `FINE` samples, and the cut
 
 Torque and columns are filtered with a third of that cut-off. Positions must keep sharp bends, such
 as the start of a trapezoid, or columns are wrong; the equation holds in any band, with less noise
-in a narrow one.
+in a narrow one. Coarse encoders have a low cut-off, and a third of it would remove most of the
+motion: up to `RIGID`, torque is filtered with `CLOSEST` times less only.
 
 The recorded velocity replaces the derivative of the position, joint by joint, if, over the surveyed
 stretches,
@@ -48,6 +49,10 @@ FLOOR = 0.3
 """Lowest frequency of pure noise, as a share of the sampling rate."""
 ABOVE = 100.0
 """Ratio of motion power to noise power at the cut-off."""
+CLOSEST = 1.5
+"""Lowest ratio of both cut-offs: the low-pass of positions leaves 96 % at the equation's cut-off."""
+RIGID = 5.0
+"""Frequency up to which arms are rigid [Hz]: half of the lowest resonance of industrial arms."""
 HIGHEST, LOWEST = 100.0, 1.0
 """Bounds of the chosen cut-off frequency [Hz]."""
 SAME = 0.1
@@ -87,7 +92,13 @@ def processing_of(found: Survey) -> tuple[Processing, Reasons]:
     reasons = Reasons(reason, tuple(source.reason for source in sources))
     none = np.zeros(len(found.speed))
     processing = Processing(
-        cut_off, cut_off / BANDS, found.speed, recorded, none, none, rest=found.rest
+        cut_off,
+        max(cut_off / BANDS, min(cut_off / CLOSEST, RIGID)),
+        found.speed,
+        recorded,
+        none,
+        none,
+        rest=found.rest,
     )
     return processing, reasons
 

@@ -207,3 +207,20 @@ def test_errors_are_as_stated_for_noise_errors_of_time_and_errors_of_states(
         fit = Regression.weighed(blocks(W, y)).fit("CR2", cells)
         z.append((fit.x - TRUTH) / np.sqrt(np.diag(fit.covariance)))
     assert 0.8 < np.sqrt(np.mean(np.square(z))) < 1.2
+
+
+def test_cells_with_samples_that_groups_lack_show_no_errors_of_their_own(
+    rng: np.random.Generator,
+) -> None:
+    """A single cell determines a direction that hardly any group of time shows."""
+    W, y = samples(rng, 20)
+    W[..., 1] *= 1e-3
+    W[0, :, :, 1] *= 1e3
+    y = np.einsum("gcnk,ck->gcn", W, np.array([TRUTH[[0, 1, 2, 3]], TRUTH[[0, 1, 4, 5]]]))
+    y += 0.1 * rng.normal(size=y.shape)
+    whole = blocks(W, y)
+    # the ends of the groups are in the cells alone
+    groups = blocks(W[:, :, :20], y[:, :, :20])
+    alone = Regression.weighed(groups).fit("CR2")
+    beside = Regression.weighed(groups).fit("CR2", whole)
+    assert beside.bse["p2"] < 3.0 * alone.bse["p2"]
