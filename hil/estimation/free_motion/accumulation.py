@@ -366,7 +366,7 @@ def every_axis(
 
 
 def remove_levels(motion: Motion, axis: int, rows: Array) -> Array:
-    """Subtract from rows, shape (n, m), their means over each long rest of an axis, in place.
+    """Subtract from rows, shape (n, m), the mean over each long rest of an axis, in place.
 
     Static friction has any level up to Coulomb friction, about the same throughout a rest, whatever
     the other axes do. Several pieces of time would show this level as one offset.
