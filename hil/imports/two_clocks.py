@@ -10,17 +10,19 @@ This is solved by least squares over p and a lag l per part of the recording, co
 with Newton's iteration. For torques p holds base parameters and friction of the axes, for
 velocities a scale per joint. Varying lags are stated if they leave half of the mean squares left by
 a constant lag, or less, in the geometric mean over the joints; a constant lag of the torques if it
-leaves half of those without a lag.
+leaves half of those without a lag, and less than friction that reverses over a presliding distance.
 """
 
 from __future__ import annotations
 
+from functools import partial
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
 from hil.estimation.excluded.causes import CAUSES
 from hil.estimation.excluded.finding import LEAVES
+from hil.friction.direction import friction_direction
 from hil.imports.evidence import Suspicion, half_width
 from hil.model.dynamics import regressor
 from hil.model.motors import motor_torque
@@ -44,6 +46,9 @@ PART = 4
 """Number of rows for each one that is looked at first."""
 REACH = 0.1
 """Maximum change of a lag per iteration [s]: a sixth of a period of the fastest motion of arms."""
+SHARES = 2.0 ** np.arange(-6.0, 1.0)
+"""Presliding distances to compare with a lag, over the way of the lag at the greatest speed:
+reversals are slower."""
 
 
 class _Rows(NamedTuple):
@@ -77,12 +82,16 @@ def clock_of_torques(excerpts: Sequence[Excerpt], robot: Robot, shown: Mask) -> 
         Joints that move, with accelerations beyond their noise.
     """
 
-    def rows(q: Array, qd: Array, qdd: Array) -> tuple[Array, Array]:
-        own = np.stack([np.ones_like(qd), np.sign(qd), qd], axis=2)
+    def rows(q: Array, qd: Array, qdd: Array, after: float = 0.0) -> tuple[Array, Array]:
+        way = np.sign(qd)
+        if after:
+            far = after * np.maximum(np.abs(qd).max(axis=0), np.finfo(float).tiny)
+            way = np.transpose([friction_direction(*each) for each in zip(q.T, far, strict=True)])
+        own = np.stack([np.ones_like(qd), way, qd], axis=2)
         columns = [regressor(robot, q, qd, qdd), _block_diagonal(own)]
         return np.concatenate(columns, axis=2), motor_torque(robot, q, qd, qdd)
 
-    yield from _suspicion(excerpts, shown, "tau", rows, constant=True)
+    yield from _suspicion(excerpts, shown, "tau", rows, presliding=rows)
 
 
 def clock_of_velocities(excerpts: Sequence[Excerpt], shown: Mask) -> Iterator[Suspicion]:
@@ -113,8 +122,7 @@ def _suspicion(
     shown: Mask,
     key: str,
     columns: Callable[[Array, Array, Array], tuple[Array, Array]],
-    *,
-    constant: bool = False,
+    presliding: Callable[[Array, Array, Array, float], tuple[Array, Array]] | None = None,
 ) -> Iterator[Suspicion]:
     if not shown.any():
         return
@@ -126,7 +134,7 @@ def _suspicion(
     rows = _rows(excerpts, shown, key, columns, 1)
     one, many = _found(rows, shown)
     lag = float(one.lags[0])
-    late = constant and abs(lag) > period
+    late = presliding is not None and abs(lag) > period
     late = late and _left(one, _lags(_together(rows), shown, reach=0.0)) <= LEAVES
     # the instant of a row is known within a period; a lag that is found may change by half
     change = 0.0 if many is None else float(np.ptp(many.lags))
@@ -136,7 +144,15 @@ def _suspicion(
         check: Check = "shape" if key == "tau" else "velocity"
         place = ("joints", 0, name)
         yield Suspicion(check, place, _words(name, many), certain=False, first=True)
-    elif late:
+    elif (
+        late
+        and presliding
+        and not any(
+            _left(_lags(_together(each), shown, reach=0.0), one) <= 1.0
+            for after in (SHARES * lag if lag > 0 else ())
+            for each in [_rows(excerpts, shown, key, partial(presliding, after=after), 1)]
+        )
+    ):
         yield late_torques(lag)
 
 
