@@ -122,7 +122,7 @@ def _suspicion(
     shown: Mask,
     key: str,
     columns: Callable[[Array, Array, Array], tuple[Array, Array]],
-    presliding: Callable[[Array, Array, Array, float], tuple[Array, Array]] | None = None,
+    presliding: Callable[..., tuple[Array, Array]] | None = None,
 ) -> Iterator[Suspicion]:
     if not shown.any():
         return
