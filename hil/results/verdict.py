@@ -65,7 +65,7 @@ def verdict(model: Model, accuracy: float = ACCURACY) -> Judgement:
     )  # fmt: skip
     doubts = *_first(model, doubts), *doubts
     found = doubts or tuple(_good(model))
-    remains = *(() if large else late), *(() if left is None else (good(str(left)),))
+    remains = *(() if large else late), *(() if left is None else (good(left.describe(limit)),))
     return Judgement.judge((*found, *remains), lambda: found[0])
 
 
