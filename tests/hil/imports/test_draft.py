@@ -377,3 +377,24 @@ def test_dates_in_100_ns_are_drafted_read_and_not_taken_for_another_unit(tmp_pat
         wrong = a_map(time={"column": "t", "unit": unit})
         with pytest.raises(FileError, match=f"{unit} makes the first stamp .* write unit: 100 ns"):
             import_recordings([write_map(tmp_path, wrong)], tmp_path / unit)
+
+
+@pytest.mark.parametrize("form", ["array", "structure with time"])
+def test_signals_of_simulink_with_their_time_each_are_drafted(tmp_path, form):
+    from scipy.io import savemat
+
+    columns = table(2.0)
+    t, names = columns["t"][:, None], ("q", "tau")
+    own = {name: np.column_stack([columns[f"{name[0]}{k}"] for k in (1, 2)]) for name in ("q", "m")}
+    values = dict(zip(names, own.values(), strict=True))
+    if form == "array":
+        saved = {name: np.hstack([t, x]) for name, x in values.items()}
+    else:
+        saved = {name: {"time": t, "signals": {"values": x}} for name, x in values.items()}
+    savemat(tmp_path / "a.mat", saved)
+    joints = [
+        [joint[key]["column"] for key in ("position", "torque")]
+        for joint in drafted(tmp_path / "a.mat")["joints"]
+    ]
+    first, end = (2, "") if form == "array" else (1, ".signals.values")
+    assert joints == [[f"{name}{end}/{k}" for name in names] for k in (first, first + 1)]
