@@ -8,8 +8,8 @@ A brake may close while an axis rests and open while it moves: drives then recor
 torque, often 0, whatever the other axes do. Such samples are left out (`braked`). A torque that is
 only nearly constant, or constant while all axes rest, still shows the weight.
 
-A drive, a filter or a recorder may limit a torque: it then has exactly the same greatest or least
-value while the axis moves. Such samples are left out as well (`limited`).
+A torque limited by a drive, a filter or a recorder has exactly the same greatest or least value in
+many samples of motion. Such samples are left out as well (`limited`).
 """
 
 from __future__ import annotations
