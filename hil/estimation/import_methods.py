@@ -38,6 +38,7 @@ from hil.estimation.back_and_forth.solution import solve as solve_strokes
 from hil.estimation.estimate import Estimate, LeftOut, covariance_of_drives
 from hil.estimation.free_motion.accumulation import long_rests
 from hil.estimation.free_motion.bias_test import bias_test
+from hil.estimation.free_motion.change import find_change
 from hil.estimation.free_motion.choice import classical_choice, driving_axes
 from hil.estimation.free_motion.description import (
     Residuals,
@@ -198,6 +199,7 @@ def estimate_from(
         gains=found_gains(robot, scaling, fit),
         lag=torque_lags(gathered),
         compliance=compliances(robot, processing.soft, fit),
+        change=find_change(choice.fitted(products), found.duration),
     )
     return Estimate(
         robot=robot,
