@@ -10,7 +10,9 @@ This is solved by least squares over p and a lag l per part of the recording, co
 with Newton's iteration. For torques p holds base parameters and friction of the axes, for
 velocities a scale per joint. Varying lags are stated if they leave half of the mean squares left by
 a constant lag, or less, in the geometric mean over the joints; a constant lag of the torques if it
-leaves half of those without a lag, and less than friction that reverses over a presliding distance.
+leaves half of those without a lag. Friction that reverses over a presliding distance resembles a
+delay, and is named as well unless a delay leaves half of the mean squares left by the best of some
+distances.
 """
 
 from __future__ import annotations
@@ -144,16 +146,18 @@ def _suspicion(
         check: Check = "shape" if key == "tau" else "velocity"
         place = ("joints", 0, name)
         yield Suspicion(check, place, _words(name, many), certain=False, first=True)
-    elif (
-        late
-        and presliding
-        and not any(
-            _left(_lags(_together(each), shown, reach=0.0), one) <= 1.0
-            for after in (SHARES * lag if lag > 0 else ())
-            for each in [_rows(excerpts, shown, key, partial(presliding, after=after), 1)]
+    elif late and presliding:
+        distances = SHARES * lag if lag > 0 else ()
+        every = [_together(rows)]
+        every += [
+            _together(_rows(excerpts, shown, key, partial(presliding, after=far), 1))
+            for far in distances
+        ]
+        without, best = (
+            min((_lags(each, shown, reach) for each in every), key=lambda found: _left(found, one))
+            for reach in (0.0, REACH)
         )
-    ):
-        yield late_torques(lag)
+        yield late_torques(lag, alike=_left(best, without) > LEAVES)
 
 
 def _rows(
@@ -189,11 +193,12 @@ def _found(rows: Sequence[_Rows], shown: Mask) -> tuple[_Lags, _Lags | None]:
     return _lags(_together(rows), shown), _lags(rows, shown) if several else None
 
 
-def late_torques(lag: float) -> Suspicion:
-    """Return the suspicion of torques with a constant lag [s]."""
+def late_torques(lag: float, *, alike: bool = False) -> Suspicion:
+    """Return the suspicion of torques with a constant lag [s], or of friction `alike`."""
+    other = ", or friction reverses only over some distance (presliding)" * alike
     message = (
         f"torques of all joints have a {'delay' if lag > 0 else 'lead'} of some "
-        f"{float(f'{1e3 * abs(lag):.2g}'):.0f} ms; {CAUSES['torque delay'].remedy}"
+        f"{float(f'{1e3 * abs(lag):.2g}'):.0f} ms{other}; {CAUSES['torque delay'].remedy}"
     )
     return Suspicion("shape", ("joints", 0, "torque"), message, certain=False, first=True)
 

@@ -40,13 +40,14 @@ def said(robot, lag_of_tau=lambda t: 0 * t, lag_of_qd=lambda t: 0 * t):
     return [each.message.partition(";")[0].partition(" than the positions: ") for each in found]
 
 
-def test_friction_that_reverses_over_a_distance_is_no_delay(manutec):
+def test_friction_that_reverses_over_a_distance_is_named_beside_a_delay(manutec):
     excerpts = [recorded(manutec, begin, np.zeros_like, np.zeros_like) for begin in (0, 20, 60)]
     late = []
     for each in excerpts:
         way = np.transpose([friction_direction(q, 0.02) for q in each.q.T])
         late.append(replace(each, tau=each.tau + 100 * way - 10 * np.tanh(each.qd / 0.03)))
-    assert not list(clock_of_torques(late, manutec, MOVING))
+    (found,) = clock_of_torques(late, manutec, MOVING)
+    assert " ms, or friction reverses only over some distance (presliding); " in found.message
 
 
 @pytest.mark.parametrize("lag", [0.0, 0.05, -0.02])
@@ -55,6 +56,7 @@ def test_one_clock_raises_no_suspicion_of_two_whatever_the_lag(manutec, lag):
     assert [words.split(" of some ")[0] for words, *_ in found] == [
         f"torques of all joints have a {'delay' if lag > 0 else 'lead'}"
     ] * bool(lag)
+    assert "presliding" not in str(found)
 
 
 @pytest.mark.parametrize(
