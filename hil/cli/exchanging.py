@@ -50,7 +50,9 @@ def import_(
     robot: Annotated[
         str | None,
         typer.Option(
-            help="Robot file, URDF, or name of a robot, for --draft.", autocompletion=robots
+            help="Robot file, URDF, or name of a robot, for --draft; or robot of a map, "
+            "{urdf: FILE, to: LINK}.",
+            autocompletion=robots,
         ),
     ] = None,
     layout: Annotated[
@@ -119,22 +121,28 @@ def _draft(recording: Path, output: Path, robot: str | None, layout: list[str] |
     """Write a first map, with the paths of recording and robot relative to the map."""
     from pydantic import ValidationError
 
-    from checked_files.yaml_file import UNSTATED, problems
+    from checked_files.yaml_file import UNSTATED, parse_yaml, problems
     from hil.imports.draft import draft_map
-    from hil.imports.map_file import Format
+    from hil.imports.map_file import Format, MappedRobot
     from hil.model.robot import Robot
     from hil.runs.atomic_file import write_file
 
     refuse_no_folder(output)
-    paths, robot_name = {recording: _relative(recording, output)}, robot or ""
-    if Path(robot_name).is_file():
-        robot_name = paths[Path(robot_name)] = _relative(Path(robot_name), output)
+    paths, chain = {recording: _relative(recording, output)}, MappedRobot(name=robot or "")
+    if robot and robot.startswith("{"):
+        chain = parse_yaml(robot, MappedRobot, "--robot")
+    source = Path(chain.urdf or chain.name or "")
+    if source.is_file():
+        paths[source] = _relative(source, output)
     try:
         stated = Format.model_validate(parse_pairs(layout))
     except ValidationError as error:
         raise typer.BadParameter("; ".join(problems(error)), param_hint="--format") from error
-    known = Robot.load(robot) if robot else None
-    text = draft_map(recording, paths[recording], known, robot_name, stated)
+    known = None
+    if robot:
+        known = Robot.load(chain.urdf or robot, chain.base, chain.tip, chain.gravity)
+    chain = chain.renamed(paths.get(source, str(chain.name)))
+    text = draft_map(recording, paths[recording], known, chain, stated)
     write_file(output, text.encode())
     outside = {p.resolve().parent for p, name in paths.items() if name.startswith("..")}
     options = "".join(f" --files {folder}" for folder in sorted(outside))

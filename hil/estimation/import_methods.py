@@ -36,7 +36,9 @@ from hil.estimation.back_and_forth.halves import halves_of
 from hil.estimation.back_and_forth.result import BackAndForthFit
 from hil.estimation.back_and_forth.solution import solve as solve_strokes
 from hil.estimation.estimate import Estimate, LeftOut, covariance_of_drives
+from hil.estimation.free_motion.accumulation import long_rests
 from hil.estimation.free_motion.bias_test import bias_test
+from hil.estimation.free_motion.change import find_change
 from hil.estimation.free_motion.choice import classical_choice, driving_axes
 from hil.estimation.free_motion.description import (
     Residuals,
@@ -179,7 +181,12 @@ def estimate_from(
         still=tuple(axis + 1 for axis in found.still),
         rest={axis + 1: float(found.rest[axis]) for axis in found.still},
         driving=tuple(axis + 1 for axis in driving_axes(fit)),
-        unusual=tuple(axis + 1 for axis in solution.unusual if axis not in found.still),
+        unusual=tuple(
+            axis + 1
+            for axis in solution.unusual
+            # static friction of a long rest carries some of the load, like an offset
+            if axis not in found.still and not any(long_rests(s, axis) for s in gathered.stretches)
+        ),
         not_identified=_names(robot, solution),
         bias_test=bias_test(robot, gathered.stretches, scaling, choice, gathered.first),
         least_inertia=least_inertia(robot, fit.x[:n], visited),
@@ -192,6 +199,7 @@ def estimate_from(
         gains=found_gains(robot, scaling, fit),
         lag=torque_lags(gathered),
         compliance=compliances(robot, processing.soft, fit),
+        change=find_change(choice.fitted(products), found.duration),
     )
     return Estimate(
         robot=robot,

@@ -29,7 +29,7 @@ from hil.imports.column_names import (
     unit_in,
     words_of,
 )
-from hil.imports.map_file import Format
+from hil.imports.map_file import Format, MappedRobot
 from hil.imports.readers import open_table
 from hil.imports.tables import SECONDS, listed, units_of_date
 
@@ -60,7 +60,7 @@ def draft_map(
     path: Path,
     name: str,
     robot: Robot | None = None,
-    robot_name: str = "",
+    chain: MappedRobot | None = None,
     layout: Format | None = None,
 ) -> str:
     """Return the text of a first map.
@@ -73,8 +73,9 @@ def draft_map(
         Name of the file in the map.
     robot : Robot, optional
         Robot whose joints give the order, if the columns' names contain the joints' names.
-    robot_name : str
-        Name or file of the robot in the map.
+    chain : MappedRobot, optional
+        The robot in the map, by default the source of `robot`. A chain of a URDF ends before
+        joints without columns.
     layout : Format, optional
         Layout of the file, where it cannot be detected.
 
@@ -93,7 +94,11 @@ def draft_map(
     rest = [column for column in columns if column not in time]
     joints = _joints(rest)
     if robot is not None:
+        chain = chain or MappedRobot(name=robot.source)
         joints = _sort_joints(robot, joints)
+        n = max((k for k, joint in enumerate(joints, start=1) if joint), default=0)
+        if shorter := chain.ended(robot, n):
+            chain, joints = shorter, joints[:n]
     others = {**_not_placed(rest, joints), **empty, **table.left_out}
     return "\n".join(
         [
@@ -104,7 +109,7 @@ def draft_map(
             "# Columns and what they hold:",
             *(f"#   {one_line(described(column), 400)}" for column in columns),
             *_left_out_lines(others),
-            f"robot: {quoted(robot_name) if robot else mark_unstated(_ROBOT)}",
+            f"robot: {chain if robot else mark_unstated(_ROBOT)}",
             f"files: [{quoted(name)}]",
             *_format_lines(layout),
             *_time_lines(time, from_format=bool(table.time)),
@@ -362,8 +367,12 @@ def _joint(
         if unit.startswith("counts"):
             yield f"      per_unit: {mark_unstated('rad (m) for one count')}"
         if key == "torque" and unit not in ("N m", "N"):
-            gain = "N m, or N, for one unit; 1 for N m and N; or unknown"
-            yield f"      gain: {mark_unstated(gain)}"
+            gain = "N m, or N, for one unit; or unknown"
+            yield (
+                f"      gain: {mark_unstated(gain)}"
+                if unit
+                else f"      # gain: {gain}; for other units than N m and N"
+            )
 
 
 def _ros_unit(key: str, robot: Robot | None, axis: int) -> str:

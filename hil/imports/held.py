@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from hil.imports.tables import ROWS
-from hil.least_squares.standstill import increment
+from hil.least_squares.standstill import increment, share_at_top
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
@@ -119,24 +119,14 @@ def _few(columns: Sequence[Array], moving: Mask, share: float) -> bool:
 def saturated(columns: Sequence[Array], moving: Mask) -> dict[float, float]:
     """Return the bounds at which a column stays, with their shares of fast motion.
 
-    The column repeats its least or greatest value, unless 0, more often than it repeats others.
+    The column has its least or greatest value, unless 0, more often than values next to it.
     Parameters are those of `repeats`.
     """
     if _few(columns, moving, RARE):
         return {}
-    steps = np.abs(np.concatenate([np.diff(x) for x in columns]))[moving]
-    repeated = steps == 0
-    if repeated.all():
-        return {}
-    kept = np.concatenate([x[1:] for x in columns])[moving][repeated]
-    bounds = {float(min(map(np.min, columns))), float(max(map(np.max, columns)))} - {0.0}
-    shares = {bound: int(np.sum(kept == bound)) / len(repeated) for bound in bounds}
-    found = {bound: share for bound, share in sorted(shares.items()) if share > RARE}
-    if not found:
-        return {}
-    others = len(kept) / len(repeated) - sum(found.values())
-    chance = increment(np.concatenate(columns)) / float(np.median(steps[~repeated]))
-    return found if sum(found.values()) > OFTENER * max(others, chance) else {}
+    x = np.concatenate([x[1:] for x in columns])[moving]
+    shares = {float(sign * (sign * x).max()): share_at_top(sign * x) for sign in (-1, 1)}
+    return {bound: share for bound, share in shares.items() if share > RARE}
 
 
 def measured(samples: Samples, rows: Integers, held: int) -> Integers:

@@ -13,11 +13,15 @@ from typing import TYPE_CHECKING, Annotated, ClassVar, Literal, Self
 from pydantic import BeforeValidator, Field, field_validator, model_validator
 
 from checked_files.yaml_file import FileError, FileModel, line_of, parse_yaml, place, read_text
+from checked_files.yaml_text import quoted
 from hil.imports.tables import NEEDS_GAIN, SECONDS, PositionUnit, TimeUnit, TorqueUnit, VelocityUnit
 from hil.model.drive_train_file import UNKNOWN, Unknown
+from hil.model.readers.urdf import read_urdf
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
+
+    from hil.model.robot import Robot
 
 Check = Literal["range", "velocity", "friction", "shape", "still", "spikes"]
 """Plausibility checks that a map may overrule; `friction` is no longer used."""
@@ -228,6 +232,31 @@ class MappedRobot(FileModel):
         if (self.name is None) == (self.urdf is None):
             raise ValueError("must be a robot's name or file, or {urdf: FILE, from: ..., to: ...}")
         return self
+
+    def renamed(self, name: str) -> MappedRobot:
+        """Return the robot with another name of the file."""
+        return self.model_copy(update={"name" if self.urdf is None else "urdf": name})
+
+    def ended(self, robot: Robot, n: int) -> MappedRobot | None:
+        """Return the chain of the first `n` joints of a robot; None unless the URDF has more.
+
+        Raises
+        ------
+        FileError
+            The URDF cannot be read.
+        """
+        if not (0 < n < robot.n_joints and robot.is_chain and robot.source.endswith(".urdf")):
+            return None
+        link = read_urdf(robot.source, self.base, self.tip).joints[n - 1].link
+        return self.model_copy(update={"name": None, "urdf": self.urdf or self.name, "tip": link})
+
+    def __str__(self) -> str:
+        """Return the robot as in a map."""
+        if self.urdf is None:
+            return quoted(self.name or "")
+        stated = self.model_dump(mode="json", by_alias=True, exclude_none=True)
+        pairs = {k: quoted(v) if isinstance(v, str) else v for k, v in stated.items()}
+        return f"{{{', '.join(f'{key}: {value}' for key, value in pairs.items())}}}"
 
 
 def _pairs(value: object) -> object:

@@ -17,7 +17,6 @@ import numpy as np
 
 from checked_files.yaml_file import FileError
 from hil.imports.tables import JOINT_TYPES, ROWS, SECONDS, STAMP_UNITS, position_factor
-from hil.model.readers.urdf import read_urdf
 from hil.model.robot import DESCRIPTIONS
 
 if TYPE_CHECKING:
@@ -250,14 +249,8 @@ def _shorter_chain(the_map: MapFile, robot: Robot) -> str:
             "; for a part of this tree name the last links: robot: {urdf: "
             f"{stated.urdf or stated.name}, to: LINK}}, several in quotes, separated by commas"
         )
-    if Path(robot.source).suffix != ".urdf":
-        return ""
-    link = read_urdf(robot.source, stated.base, stated.tip).joints[n - 1].link
-    base = f"from: {stated.base}, " if stated.base else ""
-    return (
-        f"; if the recording has the first {n}, end the chain: robot: {{urdf: "
-        f"{stated.urdf or stated.name}, {base}to: {link}}}"
-    )
+    chain = stated.ended(robot, n)
+    return f"; if the recording has the first {n}, end the chain: robot: {chain}" if chain else ""
 
 
 def _motor_remedy(part: Position | Velocity | Torque) -> str:

@@ -10,17 +10,21 @@ This is solved by least squares over p and a lag l per part of the recording, co
 with Newton's iteration. For torques p holds base parameters and friction of the axes, for
 velocities a scale per joint. Varying lags are stated if they leave half of the mean squares left by
 a constant lag, or less, in the geometric mean over the joints; a constant lag of the torques if it
-leaves half of those without a lag.
+leaves half of those without a lag. Friction that reverses over a presliding distance resembles a
+delay, and is named as well unless a delay leaves half of the mean squares left by the best of some
+distances.
 """
 
 from __future__ import annotations
 
+from functools import partial
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
 from hil.estimation.excluded.causes import CAUSES
 from hil.estimation.excluded.finding import LEAVES
+from hil.friction.direction import friction_direction
 from hil.imports.evidence import Suspicion, half_width
 from hil.model.dynamics import regressor
 from hil.model.motors import motor_torque
@@ -44,6 +48,9 @@ PART = 4
 """Number of rows for each one that is looked at first."""
 REACH = 0.1
 """Maximum change of a lag per iteration [s]: a sixth of a period of the fastest motion of arms."""
+SHARES = 2.0 ** np.arange(-6.0, 1.0)
+"""Presliding distances to compare with a lag, over the way of the lag at the greatest speed:
+reversals are slower."""
 
 
 class _Rows(NamedTuple):
@@ -77,12 +84,16 @@ def clock_of_torques(excerpts: Sequence[Excerpt], robot: Robot, shown: Mask) -> 
         Joints that move, with accelerations beyond their noise.
     """
 
-    def rows(q: Array, qd: Array, qdd: Array) -> tuple[Array, Array]:
-        own = np.stack([np.ones_like(qd), np.sign(qd), qd], axis=2)
+    def rows(q: Array, qd: Array, qdd: Array, after: float = 0.0) -> tuple[Array, Array]:
+        way = np.sign(qd)
+        if after:
+            far = after * np.maximum(np.abs(qd).max(axis=0), np.finfo(float).tiny)
+            way = np.transpose([friction_direction(*each) for each in zip(q.T, far, strict=True)])
+        own = np.stack([np.ones_like(qd), way, qd], axis=2)
         columns = [regressor(robot, q, qd, qdd), _block_diagonal(own)]
         return np.concatenate(columns, axis=2), motor_torque(robot, q, qd, qdd)
 
-    yield from _suspicion(excerpts, shown, "tau", rows, constant=True)
+    yield from _suspicion(excerpts, shown, "tau", rows, presliding=rows)
 
 
 def clock_of_velocities(excerpts: Sequence[Excerpt], shown: Mask) -> Iterator[Suspicion]:
@@ -113,8 +124,7 @@ def _suspicion(
     shown: Mask,
     key: str,
     columns: Callable[[Array, Array, Array], tuple[Array, Array]],
-    *,
-    constant: bool = False,
+    presliding: Callable[..., tuple[Array, Array]] | None = None,
 ) -> Iterator[Suspicion]:
     if not shown.any():
         return
@@ -126,7 +136,7 @@ def _suspicion(
     rows = _rows(excerpts, shown, key, columns, 1)
     one, many = _found(rows, shown)
     lag = float(one.lags[0])
-    late = constant and abs(lag) > period
+    late = presliding is not None and abs(lag) > period
     late = late and _left(one, _lags(_together(rows), shown, reach=0.0)) <= LEAVES
     # the instant of a row is known within a period; a lag that is found may change by half
     change = 0.0 if many is None else float(np.ptp(many.lags))
@@ -136,8 +146,18 @@ def _suspicion(
         check: Check = "shape" if key == "tau" else "velocity"
         place = ("joints", 0, name)
         yield Suspicion(check, place, _words(name, many), certain=False, first=True)
-    elif late:
-        yield late_torques(lag)
+    elif late and presliding:
+        distances = SHARES * lag if lag > 0 else ()
+        every = [_together(rows)]
+        every += [
+            _together(_rows(excerpts, shown, key, partial(presliding, after=far), 1))
+            for far in distances
+        ]
+        without, best = (
+            min((_lags(each, shown, reach) for each in every), key=lambda found: _left(found, one))
+            for reach in (0.0, REACH)
+        )
+        yield late_torques(lag, alike=_left(best, without) > LEAVES)
 
 
 def _rows(
@@ -173,11 +193,12 @@ def _found(rows: Sequence[_Rows], shown: Mask) -> tuple[_Lags, _Lags | None]:
     return _lags(_together(rows), shown), _lags(rows, shown) if several else None
 
 
-def late_torques(lag: float) -> Suspicion:
-    """Return the suspicion of torques with a constant lag [s]."""
+def late_torques(lag: float, *, alike: bool = False) -> Suspicion:
+    """Return the suspicion of torques with a constant lag [s], or of friction `alike`."""
+    other = ", or friction reverses only over some distance (presliding)" * alike
     message = (
         f"torques of all joints have a {'delay' if lag > 0 else 'lead'} of some "
-        f"{float(f'{1e3 * abs(lag):.2g}'):.0f} ms; {CAUSES['torque delay'].remedy}"
+        f"{float(f'{1e3 * abs(lag):.2g}'):.0f} ms{other}; {CAUSES['torque delay'].remedy}"
     )
     return Suspicion("shape", ("joints", 0, "torque"), message, certain=False, first=True)
 

@@ -7,6 +7,9 @@ spans, is wider than the noise band; a locked axis with a noisy encoder counts a
 A brake may close while an axis rests and open while it moves: drives then record exactly the same
 torque, often 0, whatever the other axes do. Such samples are left out (`braked`). A torque that is
 only nearly constant, or constant while all axes rest, still shows the weight.
+
+A torque limited by a drive, a filter or a recorder has exactly the same greatest or least value in
+many samples of motion. Such samples are left out as well (`limited`).
 """
 
 from __future__ import annotations
@@ -41,6 +44,14 @@ increment keeps three values in ten."""
 CHANCE = 20
 """Fewest samples of a constant torque: with three equal values in ten, so many in a row are no
 chance even in a day at 1 kHz."""
+LEVEL = 0.01
+"""Minimum share of samples in motion at the greatest torque, for a limit."""
+NEXT = 5.0
+"""Minimum ratio of samples at the greatest torque to samples at one of the next lower torques. A
+smooth maximum in steps has 1 / (sqrt(2) - 1) = 2.4 times as many as the next step."""
+SLOW = 0.05
+"""Share of the greatest speed below which an axis may rest."""
+_WIDTH = 1e-6
 
 
 class Extent(NamedTuple):
@@ -137,3 +148,33 @@ def braked(q: Array, tau: Array, period: float) -> Mask:
         for run in rests:
             found[run, axis] = (np.abs(x[run.start] - np.array(levels)) <= same).any()
     return found
+
+
+def limited(q: Array, tau: Array, period: float) -> Mask:
+    """Return a mask of samples in motion with a torque at a limit, shape (n, n_joints)."""
+    found, over = np.zeros(q.shape, dtype=bool), np.ones(max(1, round(SPAN / period)))
+    for axis, x in enumerate(tau.T):
+        way = np.abs(np.convolve(np.diff(q[:, axis], prepend=q[0, axis]), over, "same"))
+        moves = way > SLOW * way.max()
+        for torque in (x, -x) if moves.any() else ():
+            if share_at_top(torque[moves]):
+                found[:, axis] |= moves & (torque >= _bound(torque[moves]))
+    return found
+
+
+def share_at_top(torque: Array) -> float:
+    """Return the share of samples at the greatest torque, shape (n,), if it is a limit, or 0.
+
+    A greatest torque of 0 is no limit: the joint has no motor, or friction in one direction.
+    """
+    least = _bound(torque)
+    at_top = int(np.count_nonzero(torque >= least))
+    if not least or at_top <= LEVEL * len(torque):
+        return 0.0
+    below = np.unique(torque[torque < least], return_counts=True)[1][-20:]
+    return at_top / len(torque) if at_top > NEXT * below.max(initial=0) else 0.0
+
+
+def _bound(torque: Array) -> float:
+    top = float(torque.max())
+    return top - _WIDTH * abs(top)

@@ -11,7 +11,7 @@ import numpy as np
 from hil.errors import FrictionUnknown, Mismatch
 from hil.estimation.free_motion.motion import low_passed
 from hil.friction.equation import SLOW
-from hil.least_squares.standstill import braked, extent, moving
+from hil.least_squares.standstill import braked, extent, limited, moving
 from hil.least_squares.window import widen
 from hil.planning.free_motion import FreeMotion
 from hil.planning.measurement import shows_parameters
@@ -150,7 +150,8 @@ def _motions(
             np.column_stack([np.interp(even, own, column) for column in x[part].T])
             for x in (recording.q, recording.tau)
         )
-        held, tau = braked(q, tau, period)[:, axes], tau[:, axes]
+        held = (braked(q, tau, period) | limited(q, tau, period))[:, axes]
+        tau = tau[:, axes]
         every = max(1, int(1.0 / (FINE * BAND * period)))
         filtered = low_passed(tau, period, BAND, every)[0]
         motions = [low_passed(q, period, k * BAND, every, derivatives=2) for k in (1.0, 2.0)]

@@ -127,17 +127,23 @@ class BandResidual(FileModel):
         least = NOTABLE * np.where(np.isfinite(limit), limit, np.nanmax(torque))
         return np.asarray(np.nan_to_num(torque) > least)
 
-    def __str__(self) -> str:
-        shown = self.relative_smoothed
-        worst = int(np.nanargmax(shown)) if np.isfinite(shown).any() else -1
-        away = (
-            f", worst axis {worst + 1} with {_percent(shown[worst])} in motion"
-            if worst >= 0
-            else ""
-        )
+    def worst_first(self, limit: Array) -> Iterator[tuple[int, float]]:
+        """Yield the loaded axes, from 0, with their smoothed residuals, the greatest first.
+
+        `limit` as in `loaded`.
+        """
+        left = np.where(self.loaded(limit), np.nan_to_num(self.relative_smoothed), 0.0)
+        for axis in np.argsort(-left, kind="stable").tolist():
+            if left[axis] > 0:
+                yield axis, float(left[axis])
+
+    def describe(self, limit: Array) -> str:
+        """Describe the residual, with the worst loaded axis; `limit` as in `loaded`."""
+        axis, left = next(self.worst_first(limit), (-1, 0.0))
+        worst = f", worst loaded axis {axis + 1} with {_percent(left)} in motion" if left else ""
         return (
             f"residual up to {self.band:g} Hz {_percent(self.overall)} of the torque (unfiltered"
-            f" {_percent(self.overall_unfiltered)}){away}"
+            f" {_percent(self.overall_unfiltered)}){worst}"
         )
 
 
@@ -160,20 +166,19 @@ def unexplained(
     """
     if found is None:
         return
-    left = np.where(found.loaded(limit), np.nan_to_num(found.relative_smoothed), 0.0)
     worse = found.worse_than_none
-    for axis in np.argsort(-left, kind="stable").tolist():
-        if left[axis] > accuracy and worse[axis] and own_friction:
+    for axis, left in found.worst_first(limit):
+        if left > accuracy and worse[axis] and own_friction:
             yield failed(
-                f"axis {axis + 1}: residual {_percent(left[axis])} of the torque up to "
+                f"axis {axis + 1}: residual {_percent(left)} of the torque up to "
                 f"{found.band:g} Hz, and noise of positions explains only "
                 f"{_percent(float(_ratio(found.noise, found.moving)[axis]))}: the model is worse "
                 "than none",
                 "check column, sign and unit of its torque, its gear ratio and rotor inertia",
             )
-        elif left[axis] > accuracy:
+        elif left > accuracy:
             yield doubtful(
-                f"axis {axis + 1}: residual {_percent(left[axis])} of the torque up to "
+                f"axis {axis + 1}: residual {_percent(left)} of the torque up to "
                 f"{found.band:g} Hz, at most {_percent(accuracy)} allowed (--accuracy)",
                 "record motions like those to be predicted, or check for effects missing in the "
                 "model: springs, ripple, friction that depends on more than speed",

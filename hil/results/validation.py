@@ -15,11 +15,11 @@ from pydantic import Field
 from scipy import special
 
 from checked_files.yaml_file import FileModel
-from hil.estimation.excluded.saturation import LEVEL, share_at_top
 from hil.estimation.friction.points import history
 from hil.estimation.intervals import SIGNIFICANT
 from hil.estimation.options import ACCURACY
 from hil.friction.law import level_at
+from hil.least_squares.standstill import LEVEL, share_at_top
 from hil.least_squares.uncertainty import OUTSIDE, TWICE
 from hil.results.band_residual import band_residual
 from hil.results.judgement import (

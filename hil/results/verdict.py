@@ -63,9 +63,9 @@ def verdict(model: Model, accuracy: float = ACCURACY) -> Judgement:
         *reservations(OF_MISTAKES, model), *(late if large else ()), *large,
         *reservations(OF_MODELS, model),
     )  # fmt: skip
-    doubts = *_first(model, doubts), *doubts
+    doubts = *_first(model, doubts, large), *doubts
     found = doubts or tuple(_good(model))
-    remains = *(() if large else late), *(() if left is None else (good(str(left)),))
+    remains = *(() if large else late), *(() if left is None else (good(left.describe(limit)),))
     return Judgement.judge((*found, *remains), lambda: found[0])
 
 
@@ -168,12 +168,26 @@ def _doubted(model: Model) -> Iterator[Reservation]:
             yield _warned(warning)
 
 
-def _first(model: Model, others: Sequence[Reservation]) -> Iterator[Reservation]:
-    """Yield wrong times of rows, as bad as the worst objection."""
+def _first(
+    model: Model, others: Sequence[Reservation], large: Sequence[Reservation]
+) -> Iterator[Reservation]:
+    """Yield wrong times of rows and changes in time, as bad as the worst objection.
+
+    A change explains `large` residuals and causes that leave more of the residual.
+    """
     worst = max((each.word for each in others), key=WORDS.index, default="doubtful")
     for warning in model.provenance.warnings:
         if FIRST in warning:
             yield _warned(warning).model_copy(update={"word": worst})
+    change = model.details.change if isinstance(model.details, FreeMotionFit) else None
+    causes = model.excluded.found if model.excluded else ()
+    if change and (large or causes) and all(each.left > change.left for each in causes):
+        yield doubtful(
+            f"the recordings change after some {change.after:.2g} s, as with a load, a tool or a "
+            "setting from then on: separate fits before and after leave "
+            f"{100 * change.left:.2g} % of the mean square error of axis {change.axis}",
+            "import the rows before and after separately (rows in the map), or record anew",
+        ).model_copy(update={"word": worst})
 
 
 def _warned(warning: str) -> Reservation:

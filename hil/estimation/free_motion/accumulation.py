@@ -42,6 +42,8 @@ if TYPE_CHECKING:
     from hil.least_squares.layout import Layout
     from hil.model.robot import Robot
 
+PERIODS = 10.0
+"""Shortest independent piece of time, in periods of the cut-off frequency."""
 SPEEDS = (0.02, 0.05, 0.1)
 """Candidate dead zones: bounds of the classes of speed as shares of the axis's speed."""
 
@@ -143,7 +145,7 @@ def division(
     white noise, since neighbours share filtered noise, but fewer pieces leave an error uncertain by
     a fifth or more, and hardly any difference between friction laws significant.
     """
-    n, least = 2 * len(processing.speed), 10.0 / processing.band
+    n, least = 2 * len(processing.speed), PERIODS / processing.band
     if usable is not None and usable[0] < FOLDS:
         # rounding takes half a piece of each recording at most
         enough = usable[1] / (FOLDS + usable[0] / 2)
@@ -359,7 +361,31 @@ def every_axis(
         columns = axis_columns(robot, motion, axis, A[:, axis], first, terms, gears)
         passed = motion.passed(columns, axis)
         rows = side_by_side(y[: len(passed), axis], passed[: len(y)])
-        yield rows * (motion.telling[: len(rows), [axis]] & (axis not in motion.processing.held))
+        rows *= motion.telling[: len(rows), [axis]] & (axis not in motion.processing.held)
+        yield remove_levels(motion, axis, rows)
+
+
+def remove_levels(motion: Motion, axis: int, rows: Array) -> Array:
+    """Subtract from rows, shape (n, m), the mean over each long rest of an axis, in place.
+
+    Static friction has any level up to Coulomb friction, about the same throughout a rest, whatever
+    the other axes do. Several pieces of time would show this level as one offset.
+    """
+    for rest in long_rests(motion, axis):
+        rows[rest] -= rows[rest].mean(axis=0)
+    return rows
+
+
+def long_rests(motion: Motion, axis: int) -> list[slice]:
+    """Return the rests of a moving axis, beside moving ones, longer than a piece of time."""
+    processing, every = motion.processing, motion.rates.coarse
+    if processing.rest is not None and np.isfinite(processing.rest[axis]):
+        return []
+    moves = np.abs(motion.qd[::every][: len(motion.used)]) >= SPEEDS[0] * processing.speed
+    change = np.diff((motion.used & ~moves[:, axis]).astype(int), prepend=0, append=0)
+    least = PERIODS / (processing.band * motion.period * every)
+    ends = np.flatnonzero(change).reshape(-1, 2).tolist()
+    return [slice(a, b) for a, b in ends if b - a > least and moves[a:b].any()]
 
 
 def pieces_of(motion: Motion, length: float) -> list[slice]:

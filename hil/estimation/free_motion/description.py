@@ -14,7 +14,7 @@ from hil.estimation.free_motion.result import FEW_BLOCKS, LOOSE, POOR
 from hil.estimation.nuisances import STEP, compliance_names
 from hil.friction.law import AxisLaw, CoupledFriction, OneWay, TermValue
 from hil.friction.terms import BENT, CLASSICAL, LAWS
-from hil.least_squares.standstill import braked
+from hil.least_squares.standstill import braked, limited
 from hil.model.base_parameters import base_parameters
 
 if TYPE_CHECKING:
@@ -33,6 +33,19 @@ if TYPE_CHECKING:
 
 SHORT = 30.0
 """Shortest total duration of the recordings without a remark [s]."""
+SILENT = (
+    (
+        braked,
+        "constant at rest while others move, as with a closed brake",
+        "add motions of several axes at once",
+    ),
+    (
+        limited,
+        "at a limit in up to {:.0%} of the samples",
+        "raise this limit, or record slower motion",
+    ),
+)
+"""Samples whose torque says nothing, with the reason and the remedy."""
 
 
 def axis_friction(
@@ -192,17 +205,18 @@ def repeated_torques(stretches: Sequence[Motion]) -> tuple[float, ...]:
 
 
 def silent_axes(stretches: Sequence[Motion], still: Sequence[int]) -> tuple[str, ...]:
-    """Return a remark on axes, from 0, with samples that a brake makes silent."""
-    recordings = [each.recording for each in stretches]
-    silent = np.any([braked(x.q, x.tau, x.period).any(axis=0) for x in recordings], axis=0)
-    axes = [str(axis + 1) for axis in np.flatnonzero(silent).tolist() if axis not in still]
-    if not axes:
-        return ()
-    axis = f"axis {axes[0]}: torque" if len(axes) == 1 else f"axes {', '.join(axes)}: torques"
-    return (
-        f"{axis} constant at rest while others move, as with a closed brake: not used there; add "
-        "motions of several axes at once",
-    )
+    """Return remarks on axes, from 0, with samples that a brake or a limit makes silent."""
+    recordings, said = [each.recording for each in stretches], []
+    for find, why, remedy in SILENT:
+        found = np.concatenate([find(x.q, x.tau, x.period) for x in recordings])
+        shares = found.mean(axis=0)
+        shares[list(still)] = 0.0
+        axes = [str(axis + 1) for axis in np.flatnonzero(shares).tolist()]
+        if axes:
+            many = len(axes) > 1
+            axis = f"ax{'es' if many else 'is'} {', '.join(axes)}: torque{'s' * many}"
+            said.append(f"{axis} {why.format(shares.max())}: not used there; {remedy}")
+    return tuple(said)
 
 
 def remarks(

@@ -27,7 +27,7 @@ from scipy import fft
 
 from hil.friction.direction import bent, friction_direction, sign_of_velocity
 from hil.friction.law import SLOWEST
-from hil.least_squares.standstill import braked
+from hil.least_squares.standstill import braked, limited
 from hil.least_squares.window import widen
 
 if TYPE_CHECKING:
@@ -212,7 +212,7 @@ class Motion:
     used : ndarray of bool, shape (n_used,)
         Samples unaffected by reflected samples.
     telling : ndarray of bool, shape (n_used, n_joints)
-        Samples whose torque is used: not with a closed brake, or while the axis rests.
+        Samples whose torque is used: not with a closed brake, at a limit, or while the axis rests.
     recording : Recording
         Source of the motion.
     offset : int
@@ -356,7 +356,8 @@ def _window(recording: Recording, processing: Processing, qd: Array) -> Array | 
     of the cut-off, and so are smooth at the rate of the motion.
     """
     period = recording.period
-    silent = braked(recording.q, recording.tau, period)
+    of = recording.q, recording.tau, period
+    silent = braked(*of) | limited(*of)
     if processing.moving_only:
         slow = np.abs(qd) < SLOWEST * processing.speed
         moves = np.ones(slow.shape[1]) if processing.rest is None else np.isnan(processing.rest)

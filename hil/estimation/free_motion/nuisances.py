@@ -33,6 +33,7 @@ from hil.estimation.free_motion.accumulation import (
     every_axis,
     pieces_of,
     recorded_products,
+    remove_levels,
 )
 from hil.estimation.free_motion.choice import dead_zone_of, usual
 from hil.estimation.free_motion.columns import shared_names
@@ -211,9 +212,11 @@ def _condensed(
         lags = (np.full(n, s) for s in times)
         tau = np.stack([filtered_torque(*of, lag, motion.window) for lag in lags], axis=-1)
         for axis, rows in enumerate(every_axis(robot, motion, first, tau[..., 0], COLUMNS, soft)):
-            ways = DISTANCES * motion.processing.speed[axis]
-            z = side_by_side(*(motion.direction_after(axis, way) for way in ways))
-            each = rows[:, :k], tau[:, axis, 1:], rows[:, k:], motion.passed(z, axis)
+            far = DISTANCES * motion.processing.speed[axis]
+            z = side_by_side(*(motion.direction_after(axis, way) for way in far))
+            late, ways = tau[:, axis, 1:], motion.passed(z, axis)
+            late, ways = (remove_levels(motion, axis, x) for x in (late, ways))
+            each = rows[:, :k], late, rows[:, k:], ways
             some, joined = motion.telling[used, axis], side_by_side(*(x[used] for x in each))
             if some.any():
                 found[-1].add(axis, joined[some], time[some], fast[some, axis])

@@ -62,6 +62,24 @@ class BiasTest(FileModel):
         return self.p_value < SIGNIFICANT and self.shift > NOTICEABLE
 
 
+class Change(FileModel):
+    """A change during the recordings.
+
+    Attributes
+    ----------
+    axis : int
+        Axis, from 1, whose torque shows the change most.
+    after : float
+        Time of all recordings before the change [s].
+    left : float
+        Share of the axis's mean square error left by separate fits before and after the change.
+    """
+
+    axis: int
+    after: float
+    left: float
+
+
 class FreeMotionFit(FileModel):
     """Friction and settings of an estimate from free motions.
 
@@ -111,6 +129,8 @@ class FreeMotionFit(FileModel):
     compliance : dict of str to TermValue
         Compliances of the soft gears, by axis from 1 [rad/(N m) or m/N], included in predictions of
         recordings.
+    change : Change, optional
+        Change during the recordings; None without one.
     """
 
     cut_off: float
@@ -137,6 +157,7 @@ class FreeMotionFit(FileModel):
     gains: tuple[GainValue, ...] = ()
     lag: tuple[TermValue, ...] = ()
     compliance: dict[int, TermValue] = Field(default_factory=dict)
+    change: Change | None = None
     file_key: ClassVar[str | None] = "friction"
     with_law: ClassVar[bool] = True
     curves: ClassVar[tuple[()]] = ()

@@ -35,6 +35,8 @@ _THOUSANDS = {
 _GROUPED_CELL = re.compile(r"[+-]?\d[\d.,]*")
 DATE = re.compile(r"(\d{4}-\d\d-\d\d[T ]|(\d\d?)\.(\d\d?)\.(\d{4})[T ])?\d\d:\d\d:")
 """Pattern of the start of an instant: a date (year or day first) or none, and the time of day."""
+_ZONE = re.compile(r"\s*(?:Z|UTC|GMT|([+-]\d\d(?::?\d\d)?))?\s*(?:\[.*\])?$")
+"""Pattern of the end of an instant: an offset from UTC, and the name of a zone."""
 MISSING = {"", "nan", "na", "null", "none", "inf", "-inf", "-nan"}
 _CANDIDATES = (";", "\t", ",", "|")
 _COMMENTS = ("%", "#", "//")
@@ -225,7 +227,7 @@ def instant(cell: str) -> str:
         cell = f"{found[4]}-{found[3]:0>2}-{found[2]:0>2}T{cell[found.end(4) + 1 :]}"
     elif not (found and found[1]):
         cell = f"1970-01-01T{cell}"
-    return cell.removesuffix("Z")
+    return _ZONE.sub(lambda found: found[1] or "", cell, count=1)
 
 
 def cells(line: str, delimiter: str) -> list[str]:

@@ -357,8 +357,8 @@ class UrdfReader:
             element,
             f"joint {element.get('name')!r} mimics another one, {_followed(element)!r}, and has no"
             f" motor of its own, which is not modelled: end the chain before it with --to {before},"
-            f" in a map by robot: {{urdf: {self._path.name}, to: {before}}}; the last links of a"
-            " tree are separated by commas. If a motor turns it,"
+            f" in a map by robot: {{urdf: {self._path.name}, to: {before}}}, for a draft by that "
+            "--robot; the last links of a tree are separated by commas. If a motor turns it,"
             " remove <mimic>; if that motor turns with two joints, as in a parallelogram drive,"
             " state couplings in a robot file, too",
         )

@@ -44,7 +44,7 @@ def test_a_draft_names_the_recording_as_seen_from_the_map(hil: Hil, folder: Path
     status, printed, _ = hil("import", "--draft", "data.csv", "-o", "maps/first.yaml")
     assert status == 0
     assert printed.splitlines() == [
-        "maps/first.yaml: 10 lines marked !state must be filled in by you",
+        "maps/first.yaml: 8 lines marked !state must be filled in by you",
         "maps/first.yaml: names files outside of its folder; import with: hil"
         f" import maps/first.yaml --files {folder} -o RUN",
     ]
@@ -61,6 +61,25 @@ def test_a_draft_states_the_format_that_it_was_read_by(hil: Hil, folder: Path) -
     drafted = (folder / "first.yaml").read_text()
     assert 'format:\n  header: true\n  delimiter: "|"\n  skip: 2\n' in drafted
     assert drafted.count("position:") == 2
+
+
+def test_a_draft_names_the_robot_as_a_map_does(hil: Hil, folder: Path) -> None:
+    links = '<link name="base"/><link name="arm"/><link name="tool"/>'
+    joint = '<joint name="{}" type="{}"><parent link="{}"/><child link="{}"/>{}</joint>'
+    limit = '<limit lower="-1" upper="1" effort="9" velocity="3"/>'
+    joints = joint.format("j", "revolute", "base", "arm", limit)
+    follows = joint.format("f", "revolute", "arm", "tool", f'{limit}<mimic joint="j"/>')
+    (folder / "a.urdf").write_text(f'<robot name="a">{links}{joints}{follows}</robot>')
+    draft = "import", "--draft", "data.csv", "-o", "sub/first.yaml", "--robot"
+    (folder / "sub").mkdir()
+    status, _, errors = hil(*draft, "a.urdf")
+    assert status == 1
+    assert "robot: {urdf: a.urdf, to: arm}, for a draft by that --robot" in " ".join(errors.split())
+    status, said, _ = hil(*draft, "{urdf: a.urdf, to: arm}")
+    assert status == 0
+    assert said.count("--files") == 1
+    drafted = (folder / "sub" / "first.yaml").read_text()
+    assert 'robot: {urdf: "../a.urdf", to: "arm"}' in drafted
 
 
 @pytest.mark.parametrize(

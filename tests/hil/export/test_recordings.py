@@ -19,7 +19,7 @@ from hil.errors import NotEnoughData
 from hil.export.formats import RECORDINGS, export_recordings
 from hil.imports.draft import draft_map
 from hil.imports.importing import import_recordings
-from hil.imports.map_file import Format
+from hil.imports.map_file import Format, MappedRobot
 from hil.imports.readers import open_table
 from hil.runs.recording import Finding
 from hil.runs.recording_file import Measured
@@ -297,7 +297,9 @@ def test_a_map_drafted_from_it_leaves_the_robot_alone_to_state(
     text = draft_map(tmp_path / "out" / "run.mcap", "run.mcap")
     (unstated,) = (line for line in text.splitlines() if f": {UNSTATED}" in line)
     assert unstated.startswith("robot: ")
-    whole = draft_map(tmp_path / "out" / "run.mcap", "run.mcap", measured.robot, "manutec-r15")
+    whole = draft_map(
+        tmp_path / "out" / "run.mcap", "run.mcap", measured.robot, MappedRobot(name="manutec-r15")
+    )
     assert UNSTATED not in whole.partition("\nrobot: ")[2]
 
 

@@ -8,7 +8,7 @@ from small_recording import ROBOT, a_map, table, write_csv, write_map
 from checked_files.yaml_file import FileError
 from hil.imports.draft import draft_map
 from hil.imports.importing import import_recordings
-from hil.imports.map_file import load_map
+from hil.imports.map_file import MappedRobot, load_map
 from hil.model.robot import Robot
 
 
@@ -187,7 +187,6 @@ def test_a_draft_that_is_filled_in_is_a_map(tmp_path):
         ("!state rad, deg, m", "rad # "),
         ("!state rad/s", "rad/s # "),
         ("!state N m, N, A", "N m # "),
-        ("!state N m, or N", "1 # "),
     ):
         assert mark in text
         text = text.replace(mark, value)
@@ -318,7 +317,7 @@ def test_units_and_bare_joints_say_what_columns_are(tmp_path, names, position, t
 
 
 def drafted_for(path, robot):
-    text = draft_map(path, path.name, robot, "arm.urdf")
+    text = draft_map(path, path.name, robot, MappedRobot(name="arm.urdf"))
     return yaml.load(text, _Marks), text  # noqa: S506 - a safe loader
 
 
@@ -377,3 +376,57 @@ def test_dates_in_100_ns_are_drafted_read_and_not_taken_for_another_unit(tmp_pat
         wrong = a_map(time={"column": "t", "unit": unit})
         with pytest.raises(FileError, match=f"{unit} makes the first stamp .* write unit: 100 ns"):
             import_recordings([write_map(tmp_path, wrong)], tmp_path / unit)
+
+
+@pytest.mark.parametrize("form", ["array", "structure with time"])
+def test_signals_of_simulink_with_their_time_each_are_drafted(tmp_path, form):
+    from scipy.io import savemat
+
+    columns = table(2.0)
+    t, names = columns["t"][:, None], ("q", "tau")
+    own = {name: np.column_stack([columns[f"{name[0]}{k}"] for k in (1, 2)]) for name in ("q", "m")}
+    values = dict(zip(names, own.values(), strict=True))
+    if form == "array":
+        saved = {name: np.hstack([t, x]) for name, x in values.items()}
+    else:
+        saved = {name: {"time": t, "signals": {"values": x}} for name, x in values.items()}
+    savemat(tmp_path / "a.mat", saved)
+    joints = [
+        [joint[key]["column"] for key in ("position", "torque")]
+        for joint in drafted(tmp_path / "a.mat")["joints"]
+    ]
+    first, end = (2, "") if form == "array" else (1, ".signals.values")
+    assert joints == [[f"{name}{end}/{k}" for name in names] for k in (first, first + 1)]
+
+
+FINGERS = """
+  <joint name="finger{side}" type="prismatic">
+    <parent link="hand"/><child link="finger{side}"/><axis xyz="0 1 0"/>
+    <limit lower="0" upper="0.04" effort="20" velocity="0.2"/>{mimic}
+  </joint>
+  <link name="finger{side}"/>"""
+
+
+def test_a_draft_ends_the_chain_before_fingers_without_columns(tmp_path):
+    """The finger of the other side mimics the first, which a recording of the arm lacks."""
+    robot = "".join(
+        f'<link name="{link}"><inertial><mass value="2"/><inertia ixx="1" iyy="1" izz="1" ixy="0"'
+        f' ixz="0" iyz="0"/></inertial></link><joint name="j{k}" type="revolute"><parent link='
+        f'"{parent}"/><child link="{link}"/><axis xyz="0 1 0"/>'
+        '<limit lower="-2" upper="2" effort="90" velocity="3"/></joint>'
+        for k, (parent, link) in enumerate([("base", "arm"), ("arm", "hand")], start=1)
+    )
+    one = FINGERS.format(side=1, mimic="")
+    two = FINGERS.format(side=2, mimic='<mimic joint="finger1"/>')
+    (tmp_path / "a.urdf").write_text(
+        f'<robot name="a"><link name="base"/>{robot}{one}{two}</robot>'
+    )
+    write_csv(tmp_path / "a.csv", table())
+    robot = Robot.load(tmp_path / "a.urdf", tip="finger1")
+    chain = MappedRobot(urdf="a.urdf", to="finger1")
+    text = draft_map(tmp_path / "a.csv", "a.csv", robot, chain)
+    assert 'robot: {urdf: "a.urdf", to: "hand"}' in text
+    for mark, value in (("s if 200 Hz", "s"), ("rad, deg, m", "rad # "), ("rad/s", "rad/s # "),
+                        ("N m, N, A", "N m # ")):  # fmt: skip
+        text = text.replace(f"!state {mark}", value).replace(f'!state "{mark}', value)
+    assert load_map(write_map(tmp_path, text)).content.robot.tip == "hand"

@@ -240,6 +240,16 @@ def test_instants_as_text_are_nanoseconds(tmp_path):
 
 
 @pytest.mark.parametrize(
+    "zone", ["", "Z", " UTC", "+00:00", " +0000", "+00", "+00:00[Europe/London]"]
+)
+def test_instants_may_state_their_zone(tmp_path, zone):
+    rows = "".join(f"2026-01-31T12:00:0{k}.250{zone},{k}\n" for k in range(3))
+    (tmp_path / "a.csv").write_text(f"t,q\n{rows}")
+    t = read(tmp_path / "a.csv", "t")[:, 0]
+    np.testing.assert_allclose(t - 1769860800e9, 1e9 * np.arange(3) + 0.25e9, atol=256)
+
+
+@pytest.mark.parametrize(
     "form", ["31.01.2026 12:00:{:06.3f}", "12:00:{:06.3f}", "1.1.2026 01:00:{:06.3f}"]
 )
 def test_days_first_and_times_of_a_day_are_instants(tmp_path, form):

@@ -147,3 +147,12 @@ def test_a_torque_of_three_values_is_coarse_and_not_saturated(tmp_path):
     coarse = np.where(np.abs(v) > 0.1, 0.06 * np.sign(v), 0.0)
     _, stated = made(tmp_path, columns | {"m1": coarse}, accept=["shape", "range"])
     assert "saturated" not in stated
+
+
+@pytest.mark.parametrize("least", [-40.0, -np.inf])
+def test_a_torque_in_steps_at_its_limit_is_saturated(tmp_path, least):
+    """The torque changes by less than a step from row to row, so most rows repeat their value."""
+    columns = table(20.0, RATE)
+    limited = columns | {"m1": np.round(np.clip(columns["m1"], least, 18.0))}
+    _, stated = made(tmp_path, limited, accept=["shape"])
+    assert re.search(r"joints.0.torque: is exactly (-40 or )?18 in", stated)

@@ -7,8 +7,8 @@ from small_recording import ROBOT, a_map, table, write_csv, write_map
 import hil
 from checked_files.yaml_file import FileError
 from hil.errors import HilError
-from hil.estimation.excluded.saturation import share_at_top
 from hil.imports.importing import import_recordings
+from hil.least_squares.standstill import share_at_top
 from hil.model.robot import parse_robot
 
 ARM = ROBOT.replace("q_min: -2,", "q_min: -4,").replace("q_max: 2,", "q_max: 4,")

@@ -1,11 +1,13 @@
 """Columns of a second source with another clock rate, or with jumps, are detected."""
 
 import re
+from dataclasses import replace
 
 import numpy as np
 import pytest
 from synthetic import TABLE_3_A
 
+from hil.friction.direction import friction_direction
 from hil.imports.evidence import Evidence, Excerpt
 from hil.imports.plausibility import suspicions
 from hil.imports.two_clocks import clock_of_torques, clock_of_velocities
@@ -38,12 +40,23 @@ def said(robot, lag_of_tau=lambda t: 0 * t, lag_of_qd=lambda t: 0 * t):
     return [each.message.partition(";")[0].partition(" than the positions: ") for each in found]
 
 
+def test_friction_that_reverses_over_a_distance_is_named_beside_a_delay(manutec):
+    excerpts = [recorded(manutec, begin, np.zeros_like, np.zeros_like) for begin in (0, 20, 60)]
+    late = []
+    for each in excerpts:
+        way = np.transpose([friction_direction(q, 0.02) for q in each.q.T])
+        late.append(replace(each, tau=each.tau + 100 * way - 10 * np.tanh(each.qd / 0.03)))
+    (found,) = clock_of_torques(late, manutec, MOVING)
+    assert " ms, or friction reverses only over some distance (presliding); " in found.message
+
+
 @pytest.mark.parametrize("lag", [0.0, 0.05, -0.02])
 def test_one_clock_raises_no_suspicion_of_two_whatever_the_lag(manutec, lag):
     found = said(manutec, lambda t: lag + 0 * t, lambda t: lag + 0 * t)
     assert [words.split(" of some ")[0] for words, *_ in found] == [
         f"torques of all joints have a {'delay' if lag > 0 else 'lead'}"
     ] * bool(lag)
+    assert "presliding" not in str(found)
 
 
 @pytest.mark.parametrize(

@@ -188,6 +188,8 @@ def test_an_axis_that_hardly_carries_load_counts_no_accuracy() -> None:
     assert [each.reason[:35] for each in unexplained(small, limits, 0.1)] == [
         "axis 2: residual 50 % of the torque"
     ]
+    worse = small.model_copy(update={"smoothed": (19.0, 10.0)})
+    assert worse.describe(limits).endswith("worst loaded axis 2 with 50 % in motion")
     assert not list(unexplained(None, limits, 0.1))
 
 

@@ -5,7 +5,17 @@ from dataclasses import replace
 import free_run
 import numpy as np
 import pytest
-from free_run import TRUTH, arm, classical, recorded, short_moves, some_motion, write_free_run
+from free_run import (
+    COULOMB,
+    OFFSET,
+    TRUTH,
+    arm,
+    classical,
+    recorded,
+    short_moves,
+    some_motion,
+    write_free_run,
+)
 
 import hil
 from hil.estimation import import_methods
@@ -165,3 +175,37 @@ def test_moves_shorter_than_the_low_pass_between_closed_brakes(tmp_path):
     assert np.all(np.abs(model.values - TRUTH) < 5.0 * model.half_width())
     assert max(model.details.relative_residual) < 0.1
     assert model.band_residual.overall < 0.1
+
+
+def record_in_turn(*, follows):
+    """Record joints that move in turn; static friction in long rests has one sign, and takes the
+    share `follows` of changes of the load up to Coulomb friction.
+    """
+    robot, data, rng = arm(), recorded(arm(), TRUTH, n=3, duration=60.0), np.random.default_rng(5)
+    for number, (_, recording) in enumerate(data):
+        t, motion = recording.time, [x.copy() for x in some_motion(recording.time, number)]
+        rests = np.column_stack([t > 30.0, t < 30.0])
+        for axis, end in ((0, 0), (1, -1)):
+            for x, kept in zip(motion, (1.0, 0.0, 0.0), strict=True):
+                x[rests[:, axis], axis] = kept * x[rests[:, axis], axis][end]
+        recording.q[:] = motion[0]
+        recording.tau[:] = load = inverse_dynamics(robot, TRUTH, *motion)
+        static = np.zeros_like(load)
+        for axis, rest in enumerate(rests.T):
+            carried = load[rest, axis] - load[rest, axis].mean()
+            static[rest, axis] = COULOMB[axis] * (0.7 - follows * carried / np.ptp(carried))
+        recording.tau[:] += np.where(rests, OFFSET + static, classical(motion[1]))
+        recording.tau[:] += motor_torque(robot, *motion) + 0.1 * rng.standard_normal(load.shape)
+    return data
+
+
+@pytest.mark.parametrize("follows", [0.0, 0.5])
+def test_static_friction_of_long_rests_is_no_offset(follows):
+    found = estimate(arm(), record_in_turn(follows=follows), "free motion")
+    law = found.details.axes
+    offsets = np.array([each.terms["offset"].value for each in law])
+    errors = np.array([each.terms["offset"].standard_error for each in law])
+    assert found.details.unusual == ()
+    assert np.all(errors < 0.05 * COULOMB)
+    assert np.all(np.abs(offsets - OFFSET) < 3.0 * errors)
+    assert np.all(np.abs(found.values - TRUTH) < 2.0 * found.half_width())
