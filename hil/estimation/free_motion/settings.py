@@ -50,7 +50,7 @@ FLOOR = 0.3
 ABOVE = 100.0
 """Ratio of motion power to noise power at the cut-off."""
 CLOSEST = 1.5
-"""Lowest ratio of both cut-offs: the low-pass of positions leaves 96 % at the equation's cut-off."""
+"""Lowest ratio of both cut-offs: the low-pass of positions then leaves 96 % in the equation."""
 RIGID = 5.0
 """Frequency up to which arms are rigid [Hz]: half of the lowest resonance of industrial arms."""
 HIGHEST, LOWEST = 100.0, 1.0

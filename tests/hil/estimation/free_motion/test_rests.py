@@ -50,7 +50,7 @@ def elbow() -> Robot:
     return Robot.create("elbow", joints)
 
 
-def with_pauses(moves: Moves, seed: int, robot: Robot, p: Array) -> FreeRecorded:
+def paused(moves: Moves, seed: int, robot: Robot, p: Array) -> FreeRecorded:
     """Return moves with pauses, in each of which friction is any below Coulomb's."""
     rng, (motion, recording) = np.random.default_rng(seed), recorded(arm(), TRUTH, duration=60.0)[0]
     q, qd, qdd = moves(recording.time, rng)
@@ -72,7 +72,7 @@ def moving_only(robot: Robot, data: FreeRecorded) -> bool:
 
 @pytest.mark.parametrize("seed", range(4))
 def test_static_friction_of_pauses_shifts_no_parameter(seed: int) -> None:
-    data = with_pauses(short_moves, seed, arm(), TRUTH)
+    data = paused(short_moves, seed, arm(), TRUTH)
     assert moving_only(arm(), data)
     found = estimate(arm(), data, "free motion")
     # the low-pass of positions shortens accelerations by 0.3 %
@@ -82,8 +82,8 @@ def test_static_friction_of_pauses_shifts_no_parameter(seed: int) -> None:
 
 def test_torques_at_rest_are_used_where_nothing_else_shows_couplings() -> None:
     p = np.random.default_rng(0).uniform(0.5, 1.0, len(base_parameters(elbow())))
-    assert not moving_only(elbow(), with_pauses(one_by_one, 0, elbow(), p))
-    assert moving_only(elbow(), with_pauses(short_moves, 0, elbow(), p))
+    assert not moving_only(elbow(), paused(one_by_one, 0, elbow(), p))
+    assert moving_only(elbow(), paused(short_moves, 0, elbow(), p))
 
 
 def test_continuous_motion_is_used_whole() -> None:
@@ -91,5 +91,5 @@ def test_continuous_motion_is_used_whole() -> None:
 
 
 def test_rivals_use_torques_at_rest() -> None:
-    data = with_pauses(short_moves, 0, arm(), TRUTH)
+    data = paused(short_moves, 0, arm(), TRUTH)
     assert not gather(arm(), data, VARIANTS["weighted least squares"]).processing.moving_only
