@@ -11,8 +11,9 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 import numpy as np
+from numpy.lib.stride_tricks import sliding_window_view
 
-from hil.imports.evidence import Suspicion
+from hil.imports.evidence import Suspicion, half_width
 from hil.imports.instants import EVEN
 from hil.imports.misread import FITS, OTHER, compared, other_units
 from hil.least_squares.standstill import SPAN
@@ -41,6 +42,11 @@ TAIL = 0.01
 """Share of rows at either end of the sampling periods that is not stated as uneven.
 
 A row in a hundred changes an estimate as little as one that is held (`stamps`).
+"""
+TAPS = 5
+"""Number of velocities on either side of a step that describe a lag or a low-pass.
+
+They are as far apart as a fifth of `evidence.HALF_WIDTH`: velocities change little in between.
 """
 
 
@@ -82,7 +88,7 @@ def clock_suspicions(
         )
     elif explained or abs(np.log(common)) > np.log(OTHER) or shown.sum() < 2:
         return
-    elif (steps := _uneven(excerpts, shown, common)) is not None:
+    elif (steps := _uneven(excerpts, shown)) is not None:
         low, high = steps
         remedy = (
             "record a time stamp with each row, and name its column in place of the rate"
@@ -94,7 +100,7 @@ def clock_suspicions(
             "velocity",
             ("time",),
             f"samples are not equidistant: by the recorded velocities of joints {joints}, "
-            f"sampling periods reach from {1e3 * low * period:.3g} to {1e3 * high * period:.3g} "
+            f"sampling periods reach from {1e3 * low * period:.2g} to {1e3 * high * period:.2g} "
             f"ms, mean {1e3 * period:.3g} ms; {remedy}",
             certain=False,
             first=True,
@@ -159,33 +165,47 @@ def _ratios(excerpts: Sequence[Excerpt], evidence: Evidence, shown: Mask) -> tup
     return np.maximum(ratio, np.finfo(float).tiny), np.maximum(error, np.finfo(float).eps)
 
 
-def _uneven(excerpts: Sequence[Excerpt], shown: Mask, common: float) -> Array | None:
+def _uneven(excerpts: Sequence[Excerpt], shown: Mask) -> Array | None:
     """Return the least and greatest usual time between samples by velocities, in periods.
 
     None if samples are even, or the joints disagree.
 
-    The steps of each joint are predicted by the time from the velocities of the others. The factor
-    `common` to all velocities changes no step relative to another.
+    The steps of each joint are predicted by the time from the velocities of the others. Velocities
+    with constant gain, lag and filter are no clock: what is linear in the velocities around a step,
+    with the same factors in all rows, is left out first.
     """
-    rows = []
+    period = excerpts[0].period
+    reach = half_width(period)
+    every = max(1, reach // TAPS)
+    steps, around = [], []
     for each in excerpts:
-        qd = (each.qd[1:, shown] + each.qd[:-1, shown]) / (2 * common)
-        scale = np.sqrt(np.mean(qd**2, axis=0)) * each.period
-        step, speed = np.diff(each.q[:, shown], axis=0) / scale, qd * each.period / scale
-        # a step is predicted if the other joints are fast: a third of one joint's mean square
-        power = (speed**2).sum(axis=1)[:, None] - speed**2
-        fast = power > 1.0 / 3.0
-        others = (step * speed).sum(axis=1)[:, None] - step * speed
-        foretold = others / np.where(fast, power, 1.0)
-        left = np.where(fast, (step - speed * foretold) ** 2, 0.0)
-        whole = np.where(fast, (step - speed) ** 2, 0.0)
-        size = (speed**2).sum(axis=1)
-        passed = np.where(size > 1.0 / 3.0, (step * speed).sum(axis=1) / size.clip(1e-300), np.nan)
-        rows.append((left, whole, passed))
-    left, whole, passed = map(np.concatenate, zip(*rows, strict=True))
+        qd = (each.qd[1:, shown] + each.qd[:-1, shown]) / 2 * period
+        windows = sliding_window_view(qd, 2 * reach + 1, axis=0)
+        around.append(windows[:, :, reach % every :: every])
+        steps.append(np.diff(each.q[:, shown], axis=0)[reach : len(qd) - reach])
+    step, about = np.concatenate(steps), np.concatenate(around)
+    if len(step) <= about.shape[2]:
+        return None
+    speed = np.empty_like(step)
+    for joint, windows in enumerate(about.transpose(1, 0, 2)):
+        speed[:, joint] = windows @ np.linalg.lstsq(windows, step[:, joint])[0]
+    scale = np.sqrt(np.mean(speed**2, axis=0))
+    scale = np.where(scale > 0, scale, 1.0)
+    step, speed = step / scale, speed / scale
+    # a step is predicted if the other joints are fast: a third of one joint's mean square
+    power = (speed**2).sum(axis=1)[:, None] - speed**2
+    fast = power > 1.0 / 3.0
+    others = (step * speed).sum(axis=1)[:, None] - step * speed
+    foretold = others / np.where(fast, power, 1.0)
+    left = np.where(fast, (step - speed * foretold) ** 2, 0.0)
+    whole = np.where(fast, (step - speed) ** 2, 0.0)
+    size = (speed**2).sum(axis=1)
+    passed = (step * speed).sum(axis=1)[size > 1.0 / 3.0] / size[size > 1.0 / 3.0]
     off = whole.sum(axis=1)
     usual = off <= np.quantile(off, 1 - 2 * TAIL)
-    if not np.all(left[usual].sum(axis=0) < FORETOLD * whole[usual].sum(axis=0)):
+    if not len(passed) or not np.all(
+        left[usual].sum(axis=0) < FORETOLD * whole[usual].sum(axis=0)
+    ):
         return None
-    steps = np.quantile(passed[np.isfinite(passed)], [TAIL, 1 - TAIL])
-    return steps if np.ptp(steps) > 2 * EVEN else None
+    times = np.quantile(passed, [TAIL, 1 - TAIL])
+    return times if np.ptp(times) > 2 * EVEN else None

@@ -84,7 +84,9 @@ def _found(model: Model) -> Iterator[Reservation]:
         # torque ripple is not an error in a file: base parameters describe the remaining torque
         stated = cause.cause != "torque ripple"
         spoilt = CAUSES[cause.cause].whole or (stated and (unknown or moved > TOLERANCE))
-        if spoilt or not harmless:
+        if CAUSES[cause.cause].accounted:  # part of the estimate and its covariance, where visible
+            yield good(str(cause), cause.remedy)
+        elif spoilt or not harmless:
             yield (failed if spoilt else doubtful)(str(cause), cause.remedy)
 
 
@@ -233,11 +235,6 @@ def _axes(axes: Iterable[int]) -> str:
 
 OF_FREE_MOTIONS: tuple[Rule[FreeMotionFit], ...] = (
     When(
-        lambda fit: fit.bias_test if fit.bias_test and fit.bias_test.biased else None,
-        "noise of the positions shifts the parameters by up to {0.shift:.2g} standard errors",
-        "state a lower cut_off in the map, or use --method 'instrumental variables'",
-    ),
-    When(
         lambda fit: _axes(fit.driving),
         "{0}: negative friction identified, which adds power to the motion",
         "check the sign of its torque, and whether the model lacks a spring, lag or inertia",
@@ -272,10 +269,26 @@ OF_FREE_MOTIONS: tuple[Rule[FreeMotionFit], ...] = (
 )
 
 
+def _biased(model: Model, fit: FreeMotionFit) -> Iterator[Reservation]:
+    """Yield a doubt about torques that noise of the positions shifts by more than `LARGE`."""
+    test, free = fit.bias_test, free_torques(model)
+    if test is None or not test.biased or not test.change or free is None:
+        return
+    shifts = free.relative(free.rms(np.array(test.change)), model.values)
+    worst = int(np.argmax(shifts))
+    if shifts[worst] > LARGE:
+        yield doubtful(
+            f"axis {worst + 1}: noise of the positions shifts the torque on a free motion by "
+            f"{100 * shifts[worst]:.2g} %",
+            "state a lower cut_off in the map, or use --method 'instrumental variables'",
+        )
+
+
 def _free_motions(model: Model) -> Iterator[Reservation]:
     if isinstance(model.details, FreeMotionFit):
         left = model.band_residual.relative_smoothed if model.band_residual else None
         yield from reservations((partial(_unexplained, in_motion=left),), model.details)
+        yield from _biased(model, model.details)
         yield from reservations(OF_FREE_MOTIONS, model.details)
 
 

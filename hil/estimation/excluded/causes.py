@@ -210,7 +210,7 @@ CAUSES = {
     ),
     "friction of the load": Cause(
         "friction grows with the transmitted torque by", "%", "%", 0.0,
-        "no action: this term is fitted; methods without it find other parameters", accounted=True,
+        "no action: the estimate fits this term where held-out recordings show it", accounted=True,
         least=0.0,
     ),
     # usual delay: one cycle of a current controller

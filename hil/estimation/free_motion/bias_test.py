@@ -17,7 +17,7 @@ from scipy import special
 
 from hil.estimation.free_motion.accumulation import division, recorded_products
 from hil.estimation.free_motion.motion import FINE
-from hil.estimation.free_motion.result import FEW_BLOCKS, BiasTest
+from hil.estimation.free_motion.result import FEW_BLOCKS, SIGNIFICANT, BiasTest
 from hil.friction.terms import BENT, COLUMNS, LAWS
 from hil.least_squares.solving import solved
 
@@ -67,10 +67,12 @@ def bias_test(
         for each in (plain.normal, crossed.normal)
     )
     scatter = np.sqrt(np.maximum(((of_crossed - of_plain) ** 2).sum(axis=0) * m / (m - 1), tiny))
-    t = float(np.max(np.abs(difference) / scatter))
+    t = np.abs(difference) / scatter
+    p = np.minimum(1.0, 2.0 * n * special.stdtr(m - 1, -t))
     error = np.sqrt(np.maximum((of_plain**2).sum(axis=0), tiny))
     return BiasTest(
-        statistic=t,
-        p_value=min(1.0, 2.0 * n * float(special.stdtr(m - 1, -t))),
+        statistic=float(t.max()),
+        p_value=float(p.min()),
         shift=float(np.max(np.abs(difference) / error)),
+        change=tuple(np.where(p < SIGNIFICANT, difference, 0.0).tolist()),
     )

@@ -50,11 +50,14 @@ class BiasTest(FileModel):
         of a value as large without bias.
     shift : float
         Largest difference of a parameter, over its standard error by least squares.
+    change : tuple of float
+        Significant differences of base parameters, 0 for others; empty if unknown.
     """
 
     statistic: float
     p_value: float
     shift: float
+    change: tuple[float, ...] = ()
 
     @property
     def biased(self) -> bool:

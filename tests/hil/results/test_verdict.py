@@ -66,6 +66,17 @@ def test_a_cause_counts_by_how_far_it_moves_the_torques(model: Model) -> None:
     assert judged(1e-5) == "good"  # less than the uncertainty of the torques
 
 
+def test_a_cause_that_the_estimate_fits_itself_is_a_note(model: Model) -> None:
+    change = tuple((0.2 * model.values).tolist())
+    load = Found(
+        cause="friction of the load", axes=(2,), left=0.3, change=change,
+        detail="friction grows with the transmitted torque by 3.73 ± 0.4 %",
+    )  # fmt: skip
+    found = verdict(replace(model, excluded=proof(load)))
+    assert found.word == "good"
+    assert any("axis 2: friction grows with" in each.reason for each in found.reasons)
+
+
 def test_of_two_causes_that_cannot_be_told_apart_none_is_to_be_corrected_at_once(
     model: Model,
 ) -> None:

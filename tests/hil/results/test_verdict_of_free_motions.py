@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 from free_run import TRUTH, arm, classical, recorded, write_free_run
 
+from hil.estimation.free_motion.result import BiasTest
 from hil.results.identification import identify
 from hil.results.verdict import verdict as judged
 
@@ -107,3 +108,17 @@ def test_late_torques_are_named_and_before_a_residual_that_they_explain(tmp_path
     assert worse.word == "doubtful"
     assert "ms late" in worse.reason
     assert "residual 30 %" in worse.further[0].reason
+
+
+@pytest.mark.parametrize(("share", "word"), [(0.005, "good"), (0.05, "doubtful")])
+def test_noise_of_positions_is_doubted_by_the_torque_that_it_shifts(
+    tmp_path: Path, share: float, word: str
+) -> None:
+    model = identified(tmp_path, lambda tau: tau)
+    change = tuple((share * model.values).tolist())
+    biased = BiasTest(statistic=5.0, p_value=1e-3, shift=0.77, change=change)
+    details = model.details.model_copy(update={"bias_test": biased})
+    found = judged(replace(model, details=details))
+    assert found.word == word
+    shifts = "noise of the positions shifts the torque on a free motion by 5 %" in found.reason
+    assert shifts == (word == "doubtful")
