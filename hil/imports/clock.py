@@ -203,9 +203,7 @@ def _uneven(excerpts: Sequence[Excerpt], shown: Mask) -> Array | None:
     passed = (step * speed).sum(axis=1)[size > 1.0 / 3.0] / size[size > 1.0 / 3.0]
     off = whole.sum(axis=1)
     usual = off <= np.quantile(off, 1 - 2 * TAIL)
-    if not len(passed) or not np.all(
-        left[usual].sum(axis=0) < FORETOLD * whole[usual].sum(axis=0)
-    ):
+    if not len(passed) or not np.all(left[usual].sum(axis=0) < FORETOLD * whole[usual].sum(axis=0)):
         return None
     times = np.quantile(passed, [TAIL, 1 - TAIL])
     return times if np.ptp(times) > 2 * EVEN else None

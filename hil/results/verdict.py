@@ -15,6 +15,7 @@ from hil.estimation.excluded.causes import CAUSES
 from hil.estimation.free_motion.offsets import ASYMMETRY
 from hil.estimation.free_motion.result import FEW_BLOCKS, POOR, FreeMotionFit
 from hil.estimation.options import ACCURACY
+from hil.model.base_parameters import base_parameters
 from hil.model.frames import ROUNDED_OFF
 from hil.results.judgement import (
     FEWEST,
@@ -245,27 +246,6 @@ OF_FREE_MOTIONS: tuple[Rule[FreeMotionFit], ...] = (
         "rigid-body torques in these motions: a sensor offset, a spring, or wrong parameters",
         "add recordings with greater acceleration or range",
     ),
-    When(
-        lambda fit: (
-            (
-                f"{_axes(fit.still)} {'does' if len(fit.still) == 1 else 'do'}",
-                ", ".join(fit.not_identified),
-            )
-            if fit.not_identified and fit.still
-            else ()
-        ),
-        "{0[0]} not move in the recordings: {0[1]} not identified, and only motions with this "
-        "position are predicted",
-        "add recordings in which it moves; or state its rotor_inertia in the robot file, and take "
-        "bodies from CAD (hil identify --prior cad=0.3 --urdf FILE)",
-    ),
-    When(
-        lambda fit: () if fit.still else ", ".join(fit.not_identified),
-        "the motions hardly excite {0}, in combination with others: not identified, and only "
-        "motions like the recorded ones are predicted",
-        "add motions of other frequencies and ranges; or take bodies from CAD (hil identify "
-        "--prior cad=0.3 --urdf FILE)",
-    ),
 )
 
 
@@ -284,12 +264,33 @@ def _biased(model: Model, fit: FreeMotionFit) -> Iterator[Reservation]:
         )
 
 
+def _not_identified(model: Model, fit: FreeMotionFit) -> Iterator[Reservation]:
+    titles = dict(zip(model.names, base_parameters(model.robot).titles, strict=True))
+    names = ", ".join(map(titles.__getitem__, fit.not_identified))
+    cad = "take bodies from CAD (hil identify --prior cad=0.3 --urdf FILE)"
+    if names and fit.still:
+        yield doubtful(
+            f"{_axes(fit.still)} {'does' if len(fit.still) == 1 else 'do'} not move in the "
+            f"recordings: {names} not identified, and only motions with this position are "
+            "predicted",
+            "add recordings in which it moves; or state its rotor_inertia in the robot file, and "
+            f"{cad}",
+        )
+    elif names:
+        yield doubtful(
+            f"the motions hardly excite {names}, in combination with others: not identified, and "
+            "only motions like the recorded ones are predicted",
+            f"add motions of other frequencies and ranges; or {cad}",
+        )
+
+
 def _free_motions(model: Model) -> Iterator[Reservation]:
     if isinstance(model.details, FreeMotionFit):
         left = model.band_residual.relative_smoothed if model.band_residual else None
         yield from reservations((partial(_unexplained, in_motion=left),), model.details)
         yield from _biased(model, model.details)
         yield from reservations(OF_FREE_MOTIONS, model.details)
+        yield from _not_identified(model, model.details)
 
 
 def _unexcited(model: Model) -> Iterator[Reservation]:

@@ -273,7 +273,7 @@ def require_determined(robot: Robot, pieces: Regression, still: Sequence[int]) -
     # + Ia qdd + offset: Ia may have any value, with m smaller by Ia and the offset larger by g Ia.
     reasons = [
         f"the rotor inertia of axis {axis + 1} ({base.names[column]}) cannot be distinguished "
-        f"from the moved mass (in {_listed(base, [k for k in beside if k != column])}): on a "
+        f"from the {_listed(base, [k for k in beside if k != column])}: on a "
         "prismatic axis gravity is a constant force, like the offset of friction. State the "
         f"rotor_inertia of joint {axis + 1} in the robot file (such as robot.yaml in the run "
         "folder), as in drive: {gear_ratio: 1, rotor_inertia: 0, torque_constant: unknown}. With 0 "
@@ -300,4 +300,4 @@ def _open(N: Array, n: int, rank: float = RANK) -> list[int]:
 
 
 def _listed(base: BaseParameters, columns: Sequence[int]) -> str:
-    return ", ".join(base.names[column] for column in columns)
+    return ", ".join(base.titles[column] for column in columns)

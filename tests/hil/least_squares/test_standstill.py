@@ -28,7 +28,7 @@ def test_noise_is_no_motion_however_large_it_is(sigma):
 
 @pytest.mark.parametrize("sigma", [0, 1e-5, 5e-4, 2e-3])
 def test_a_slow_motion_shows_through_noise(sigma):
-    assert moves(20 * sigma * np.sin(0.3 * TIME) + 2e-3 * np.sin(TIME) + noise(sigma)) == [True]
+    assert moves(20 * sigma * np.sin(0.3 * TIME) + 4e-3 * np.sin(TIME) + noise(sigma)) == [True]
 
 
 @pytest.mark.parametrize("frequency", [0.1, 1, 5])
@@ -42,8 +42,9 @@ def test_an_encoder_between_two_increments_stands():
     assert moves(np.round(8 * np.sin(0.7 * TIME)) * increment) == [True]
 
 
-def test_an_axis_that_others_push_a_little_stands():
-    assert moves(5e-5 * np.sin(2 * TIME)) == [False]
+@pytest.mark.parametrize("size", [5e-5, 2e-3])
+def test_an_axis_that_others_push_a_little_stands(size):
+    assert moves(size * np.sin(2 * TIME)) == [False]
 
 
 def test_an_axis_that_moves_in_one_of_two_recordings_moves():
