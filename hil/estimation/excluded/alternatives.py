@@ -51,7 +51,10 @@ STARTS = {
     "joint offset": tuple(np.arange(-135.0, 181.0, 45.0)),
     "gear ratio": (-50.0, -20.0, 25.0, 100.0),
     "position scale": (-98.25, -50.0, -10.0, 10.0, 100.0),
-    "torque constant": (-75.0, -66.7, -50.0, -29.3, 30.0, 41.4, 100.0, 200.0, 300.0),
+    "torque constant": (
+        *(-99.0, -96.9, -90.0, -75.0, -66.7, -50.0, -29.3),
+        *(30.0, 41.4, 100.0, 200.0, 300.0, 900.0, 3060.0, 9900.0),
+    ),
     "slip": (-20.0, -5.0, 5.0, 20.0),
     "gravity": (-90.0, -30.0, 30.0, 90.0, 180.0),
     "sampling rate": (
@@ -63,7 +66,7 @@ STARTS = {
 }
 """Start values of the searches. Torques are sinusoids of angles; degrees in place of radians are
 too large by a factor of 57, peak values in place of rms values by 41 %; up to four phases or
-motors may be left out or counted twice. Rates are preferred numbers in steps of 1.25. Delays of one
+motors may be left out or counted twice, and gears of 10 to 100 left out or counted twice. Rates are preferred numbers in steps of 1.25. Delays of one
 axis are at most those that an estimate searches.
 """
 TORQUE = 3
@@ -437,7 +440,9 @@ def alternatives(
     turned = (*turned, ("sampling rate", -1)) if turned and stated.evidence.imported else turned
     # an estimate finds delays itself
     tried = STARTS.keys() - (DELAYS.keys() if stated.evidence.later is None else {})
-    of_size = (key for key in sizes if key[0] in tried and key[1] >= 0)
+    of_size = {key: None for key in sizes if key[0] in tried and key[1] >= 0}
+    # a torque that is much too small outweighs all others, and spans its own gain
+    of_size |= {("torque constant", int(axis)): None for axis in np.unique(stated.evidence.axis)}
     for cause, axis in (("slip", slipped), *turned, *of_size):
         instant = _instant(stated, axis) if cause == "slip" else 0.0
         heading = _heading(stated, STARTS["gravity"]) if cause == "gravity" else 0.0

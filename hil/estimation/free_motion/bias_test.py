@@ -17,7 +17,8 @@ from scipy import special
 
 from hil.estimation.free_motion.accumulation import division, recorded_products
 from hil.estimation.free_motion.motion import FINE
-from hil.estimation.free_motion.result import FEW_BLOCKS, SIGNIFICANT, BiasTest
+from hil.estimation.free_motion.result import FEW_BLOCKS, BiasTest
+from hil.estimation.intervals import SIGNIFICANT
 from hil.friction.terms import BENT, COLUMNS, LAWS
 from hil.least_squares.solving import solved
 
