@@ -193,6 +193,9 @@ def _parse(text: str, source: str) -> tuple[yaml.Node | None, object]:
     except yaml.MarkedYAMLError as error:
         line = error.problem_mark.line + 1 if error.problem_mark else 1
         why = _TOO_DEEP if error.problem == _TOO_DEEP_FOR_LIBYAML else error.problem
+        at = error.problem_mark.index if error.problem_mark else len(text)
+        if (first := text[at : at + 1]) and first in "%@`":
+            why = f'{why}: quote a value that begins with {first}, as in "{first}"'
         prefix = "" if why in {_TOO_DEEP, _TOO_MANY} else "is not valid YAML: "
         raise FileError(f"{source}:{line}: {prefix}{why}") from error
     except yaml.reader.ReaderError as error:

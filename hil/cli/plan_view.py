@@ -43,7 +43,8 @@ def render_robot(robot: Robot) -> None:
     for link, joint in enumerate(robot.file.joints, start=1):
         names = (f"{name}{link}" for name in joint.parameters)
         listed = (f"{n} = {robot.ties[n]}" if n in robot.ties else n for n in names)
-        rows.append((str(link), joint.type, ", ".join(listed) or "none"))
+        name = f"{joint.name} ({joint.type})" if joint.name else joint.type
+        rows.append((str(link), name, ", ".join(listed) or "none"))
     present: tuple[str | Column, ...] = ("link", "joint", Column("parameters", folds=True))
     show(table(f"{robot.name}: link parameters present", present, rows), out)
     parts = [

@@ -243,10 +243,11 @@ def _refuse_other_date(the_map: MapFile, origin: float) -> None:
     units = units_of_date(origin / SECONDS[stated.unit])
     if units and stated.unit not in units:
         unit, year = next(iter(units.items()))
+        text = " (of times as text, in ns)" if unit == "ns" else ""
         raise the_map.wrong(
             ("time", "unit"),
             f"{stated.unit} makes the first stamp {origin:.6g} s, no date of this century; in "
-            f"{unit} it is one, counted from {year}: write unit: {unit}",
+            f"{unit} it is one{text}, counted from {year}: write unit: {unit}",
         )
 
 

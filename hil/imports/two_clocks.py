@@ -196,9 +196,11 @@ def _found(rows: Sequence[_Rows], shown: Mask) -> tuple[_Lags, _Lags | None]:
 def late_torques(lag: float, *, alike: bool = False) -> Suspicion:
     """Return the suspicion of torques with a constant lag [s], or of friction `alike`."""
     other = ", or friction reverses only over some distance (presliding)" * alike
+    why = "torques are recorded later, or low-passed, or positions are commanded ones: "
     message = (
         f"torques of all joints have a {'delay' if lag > 0 else 'lead'} of some "
-        f"{float(f'{1e3 * abs(lag):.2g}'):.0f} ms{other}; {CAUSES['torque delay'].remedy}"
+        f"{float(f'{1e3 * abs(lag):.2g}'):.0f} ms{other}; {why if lag > 0 else ''}"
+        f"{CAUSES['torque delay'].remedy}"
     )
     return Suspicion("shape", ("joints", 0, "torque"), message, certain=False, first=True)
 

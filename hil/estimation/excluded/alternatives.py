@@ -66,8 +66,8 @@ STARTS = {
 }
 """Start values of the searches. Torques are sinusoids of angles; degrees in place of radians are
 too large by a factor of 57, peak values in place of rms values by 41 %; up to four phases or
-motors may be left out or counted twice, and gears of 10 to 100 left out or counted twice. Rates are preferred numbers in steps of 1.25. Delays of one
-axis are at most those that an estimate searches.
+motors may be left out or counted twice, and so may gears of 10 to 100. Rates are preferred numbers
+in steps of 1.25. Delays of one axis are at most those that an estimate searches.
 """
 TORQUE = 3
 """Index of the torque among the kinds of signal, after position, velocity and acceleration."""

@@ -138,7 +138,8 @@ CAUSES = {
     ),
     "sampling rate": Cause(
         "sampling rate greater than stated by", "%", "%", 0.0,
-        "correct the rate or the unit of time in the map", whole=True, least=-100.0,
+        "correct the rate or the unit of time in the map, or lengths in the robot file",
+        whole=True, least=-100.0,
     ),
     "torque at its limit": Cause(
         "torque saturated in many samples", "%", "%", 0.0,

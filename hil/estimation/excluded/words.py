@@ -81,4 +81,8 @@ def describe_reading(robot: Robot, each: Alternative) -> str:
         sized = cause.sized(abs(each.size), each.error, unit)
         return f"{sized}, pointing along [{gravity}] in frame 0 of the run's robot.yaml"
     after = f" after some {each.instant / 60:.0f} min" if each.cause == "slip" else ""
+    if each.cause == "sampling rate" and robot.revolute.all():
+        # with lengths x L, masses m / x^2 and moments s / x keep torques of inertia, gravity is / x
+        share = (1.0 + each.size / 100.0) ** -2
+        after = f", or lengths in the robot file {share:.2g} times the true ones"
     return cause.sized(each.size, each.error, unit) + after

@@ -140,9 +140,9 @@ class UrdfChain:
         if self.tilting:
             raise FileError(
                 f"{self.robot}: joint {self.tilting!r} above {self.base!r} tilts this link in "
-                f"motion, so gravity in {self.base!r} is unknown; state gravity with --gravity X "
-                "Y Z, in a map with robot: {urdf: ..., from: ..., gravity: [X, Y, Z]}, or as "
-                "gravity of hil.Robot.load, in m/s2"
+                f"motion, so gravity in {self.base!r} is unknown; state it in m/s2: in a map "
+                "with robot: {urdf: ..., from: ..., gravity: [X, Y, Z]}, with hil robot new "
+                "--gravity X Y Z, or as gravity of hil.Robot.load"
             )
         return np.asarray(self.mount.T @ np.array(EARTH))
 

@@ -93,7 +93,7 @@ def zero_of_one_degree(q: Array, _tau: Array, _time: Array) -> None:
     q[:, 1] -= np.radians(1.0)
 
 
-def without_gear(_q: Array, tau: Array, _time: Array) -> None:
+def omit_gear(_q: Array, tau: Array, _time: Array) -> None:
     tau[:, 1] /= 80.0
 
 
@@ -225,7 +225,7 @@ def test_friction_of_the_load_that_is_fitted_is_not_called_invisible(
         ),
         (exchange, "two axes exchanged", (1, 2), "recordings exchanged"),
         (constant, "torque constant", (2,), r"greater than stated by (2|3)\d\.?\d* ± \d"),
-        (without_gear, "torque constant", (2,), r"greater than stated by (7[5-9]|8[0-3])\d\d "),
+        (omit_gear, "torque constant", (2,), r"greater than stated by (7[5-9]|8[0-3])\d\d "),
         (gear, "gear ratio", (1,), r"less than stated by (49|5\d)"),
         (slip, "slip", (2,), r"slipped by -?(9|1\d)\.?\d* ± "),
         (drifting, "drift of torque constant", (2,), "torque constant drifts by"),

@@ -59,6 +59,12 @@ def test_one_clock_raises_no_suspicion_of_two_whatever_the_lag(manutec, lag):
     assert "presliding" not in str(found)
 
 
+def test_a_delay_is_as_well_a_low_pass_or_commanded_positions(manutec):
+    excerpts = [recorded(manutec, 0.0, lambda t: 0.05 + 0 * t, lambda t: 0 * t)]
+    (delay,) = clock_of_torques(excerpts, manutec, MOVING)
+    assert "or low-passed, or positions are commanded ones" in delay.message
+
+
 @pytest.mark.parametrize(
     ("lag", "words"),
     [

@@ -104,6 +104,9 @@ MAPS = {
         a_map(robot="gearless.yaml", torque_side="motor"), "motor needs the gear ratio of joint 1"),
     "a list for a map": ("- 1\n- 2\n", "map.yaml:1: must hold keys and values, not list"),
     "no YAML": ("robot: [", "map.yaml:2: is not valid YAML"),
+    "a per cent sign without quotes": (
+        "robot: %", "cannot start any token: quote a value that begins with %"
+    ),
     "a value yet to be stated": (
         "robot: !state a robot\nfiles: [a]\n", "map.yaml:1: robot: must be stated: a robot"),
 }  # fmt: skip

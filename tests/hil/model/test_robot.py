@@ -194,6 +194,12 @@ def test_polynomials_multiply_add_and_evaluate():
     assert not square - square
 
 
+def test_the_view_names_joints(manutec, capsys):
+    text = manutec.text.replace("- frame", "- name: base\n    frame", 1)
+    render_robot(parse_robot(text, "manutec.yaml"))
+    assert "base (revolute)" in capsys.readouterr().out
+
+
 def test_the_view_shows_table_1_equation_22_by_group_and_table_2(manutec, monkeypatch, capsys):
     monkeypatch.setattr(out, "_width", 120)
     render_robot(manutec)
