@@ -26,7 +26,7 @@ from hil.imports.evidence import Suspicion
 from hil.imports.segments import FARTHER, jumps_of
 from hil.imports.signs import overflow_of
 from hil.imports.tables import ROWS
-from hil.least_squares.standstill import CARRIED, extent, increment, moving
+from hil.least_squares.standstill import extent, increment, moving
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
@@ -47,6 +47,8 @@ TURNS = 3 * np.pi
 """Minimum excursion that cannot be a wrap-around of an angle, by one turn."""
 STATED, REFUSED = 0.01, 0.5
 """Share of spikes in the sum of squares: reported from a tenth in rms on, refused above a half."""
+LEAST = 1e-4
+"""Least spike, relative to the widest range of the axes: smaller ones are noise of resting axes."""
 GREATEST = 1e100
 """Maximum value with a finite sum of squares."""
 
@@ -100,7 +102,7 @@ def spike_suspicions(
             all_else = max(each.of_all for each, fits in zip(alike, same, strict=True) if fits)
         share = min(spikes.of_spikes / all_else, 1.0) if spikes.count else 0.0
         # noise of joints at rest is small compared with the motion of other joints
-        if share < STATED or spikes.farthest < CARRIED * max(each.width for each in alike):
+        if share < STATED or spikes.farthest < LEAST * max(each.width for each in alike):
             continue
         value = float(samples.values[spikes.first, column])
         file = int(np.searchsorted(samples.begins, spikes.first, side="right")) - 1

@@ -212,18 +212,15 @@ class Regression:
 
     def _beyond_groups(self, cells: Blocks, covariance: Covariance, most: int | None) -> Array:
         """Compute the covariance that cells show beyond the groups of the same recordings."""
+        every = inverse(self.normal.information)
 
         def spread(equations: Normal) -> Array:
             # cells hold other samples at the ends of pieces, and no columns of time: the solution
             # and the shares of each are those of its own equations
-            root, scores = (
-                inverse_root(equations.information),
-                equations.scores(equations.solution()),
-            )
-            changes = scores @ root @ root.T
+            scores, own = equations.scores(equations.solution()), equations.information
             if covariance == "CR2":
-                changes = corrected(root, equations.N, scores)
-            return scatter(changes[equations.square > 0], few=True)
+                scores = corrected(inverse_root(own), equations.N, scores) @ own
+            return scatter((scores @ every)[equations.square > 0], few=True)
 
         weights = np.where(cells.counts.any(axis=0), self.weights, 0.0)
         groups, each = (of.normal(weights).only(self.kept) for of in (self.blocks, cells))

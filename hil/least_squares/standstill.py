@@ -29,11 +29,11 @@ SPAN = 0.1
 """
 FEWEST = 5
 """Minimum number of samples of a span: two more than the parabola's coefficients."""
-CARRIED = (0.5 / 10.0) ** 2
+CARRIED = (0.4 / 10.0) ** 2
 """Largest deflection of a standing axis, relative to the widest range of the axes.
 
 Motion of range R and frequency f accelerates an arm by (2 pi f)^2 R. Coupling carries at most as
-much to another axis, which a servo of bandwidth f_s holds within (f / f_s)^2 R: 0.5 Hz are usual of
+much to another axis, which a servo of bandwidth f_s holds within (f / f_s)^2 R: 0.4 Hz are usual of
 a motion, and 10 Hz of a servo."""
 NOISY = 10.0
 """Width of the noise band in standard deviations: one sample of two million lies outside."""

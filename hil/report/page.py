@@ -186,7 +186,8 @@ def _top(run: ReportedRun) -> dict[str, object]:
             first, other = validations[-1].verdicts[0], validations[-1].run
             verdicts.append(first._replace(text=f"on other recordings ({other}): {first.text}"))
         elif run.model.band_residual is not None:
-            text = f"on these recordings: {run.model.band_residual}"
+            left = run.model.band_residual.describe(run.robot.torque_limit)
+            text = f"on these recordings: {left}"
             verdicts.append(Verdict("note", "note", text))
     # the chosen law of each axis, with the error
     for each in run.friction.axes if not run.is_identified and run.friction else ():

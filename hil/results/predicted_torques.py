@@ -14,24 +14,33 @@ A model from free motions was identified together with its law of friction. Then
 from __future__ import annotations
 
 from contextlib import suppress
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from hil.errors import NotEnoughData
 from hil.estimation.condensed import stack
+from hil.estimation.free_motion.motion import COARSE, filtered_motion
+from hil.estimation.free_motion.result import FreeMotionFit
 from hil.estimation.signals import signals
 from hil.friction.equation import ASYMMETRIC
 from hil.friction.law import friction_torque, friction_variance, level_along, level_anywhere
 from hil.least_squares.solving import orthonormal
+from hil.least_squares.window import widen
 from hil.model.dynamics import inverse_dynamics
 from hil.planning.measurement import shows_parameters
-from hil.results.recorded_torque import PredictedTorque, convert_torques, predict_recording
+from hil.results.recorded_torque import (
+    PredictedTorque,
+    convert_torques,
+    predict_recording,
+    processing_of,
+)
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Iterator
+    from collections.abc import Iterable, Iterator, Sequence
 
-    from hil.arrays import Array
+    from hil.arrays import Array, Mask
     from hil.estimation.condensed import Stacked
     from hil.estimation.signals import Signals
     from hil.friction.warmth import History
@@ -65,7 +74,8 @@ def predicted_torques(
         with suppress(NotEnoughData):
             if model.details.with_law:
                 found = predict_recording(model, recording, motion.id)
-                yield from map(found.select_axis, found.axes)
+                rows = _moving_rows(model, recording)
+                yield from (found.select_axis(axis, rows[axis]) for axis in found.axes)
                 continue
             s = signals(recording)
             state = s.q, s.qd, inverse_dynamics(robot, model.values, s.q, s.qd, s.qdd)
@@ -75,6 +85,18 @@ def predicted_torques(
             for stretch in stack(robot, motion, s):
                 for axis in stretch:
                     yield _predict_axis(model, motion.id, axis, s, own)
+
+
+def _moving_rows(model: Model, recording: Recording) -> Sequence[Mask | slice]:
+    """Return the rows of each axis that a model describes: all, or those in motion.
+
+    Static friction holds an axis at rest by any torque, and the low-pass mixes rests into rows
+    nearby.
+    """
+    if not (isinstance(model.details, FreeMotionFit) and model.details.moving_only):
+        return [slice(None)] * model.robot.n_joints
+    motion = filtered_motion(recording, replace(processing_of(model), moving_only=True))
+    return [~widen(~rows, round(COARSE / 2)) for rows in motion.telling[motion.used].T]
 
 
 def _predict_axis(

@@ -32,7 +32,7 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
-    from hil.arrays import Array
+    from hil.arrays import Array, Mask
     from hil.friction.direction import Direction
     from hil.planning.measurement import RecordedMotion
     from hil.results.model import Model
@@ -100,11 +100,11 @@ class PredictedTorque:
         (axis,) = self.axes
         return axis
 
-    def select_axis(self, axis: int) -> PredictedTorque:
+    def select_axis(self, axis: int, rows: Mask | slice = slice(None)) -> PredictedTorque:
         """Return the torque of a single axis, for a prediction without fitted friction."""
-        own = {name: getattr(self, name)[:, axis] for name in OF_SAMPLES}
+        own = {name: getattr(self, name)[rows, axis] for name in OF_SAMPLES}
         shown = None if self.information is None else self.information[axis]
-        return replace(self, axes=(axis,), information=shown, **own)
+        return replace(self, axes=(axis,), time=self.time[rows], information=shown, **own)
 
     def part(self, begin: float, end: float, most: int) -> PredictedTorque:
         """Return the samples from `begin` to `end` [s], for a prediction without fitted friction.

@@ -235,7 +235,8 @@ def scored(
     )
     spoilt = [failed(f"the model's identification {model.verdict}")] if model.failed else []
     last = *unexplained(residual, model.robot.torque_limit, accuracy), *reservations(OF_DATA, model)
-    return judged(scores, model.robot.n_joints, spoilt, last, residual)
+    limit = model.robot.torque_limit
+    return judged(scores, model.robot.n_joints, spoilt, last, residual, limit)
 
 
 def judged(
@@ -244,6 +245,7 @@ def judged(
     first: Iterable[Reservation] = (),
     last: Iterable[Reservation] = (),
     residual: BandResidual | None = None,
+    limit: Array | None = None,
 ) -> Validation:
     """Judge scores: return the worst objection to a model, or the quality of the prediction.
 
@@ -253,6 +255,8 @@ def judged(
         Objections by the identification, placed before and after equally bad ones of the scores.
     residual : BandResidual, optional
         Residual to be stated with the judgement.
+    limit : ndarray, shape (n_joints,), optional
+        Torque limits [N m or N]; NaN if unknown, the default.
     """
     missing = [k for k in range(1, n_joints + 1) if k not in [s.axis for s in scores]]
     own = [*reservations(RULES, scores)] if scores else [failed(*NO_SAMPLES)]
@@ -269,7 +273,8 @@ def judged(
         worst = max(shares, key=shares.__getitem__)
         within = f"torque predicted within {100 * shares[worst]:.2g} % (rms{band})"
         found = (good(f"{within}, worst axis {worst}"),)
-    notes = [] if residual is None else [good(str(residual))]
+    limit = np.full(n_joints, np.nan) if limit is None else limit
+    notes = [] if residual is None else [good(residual.describe(limit))]
     unlike: dict[str, list[int]] = defaultdict(list)
     for each in scores:
         if each.uncovered:

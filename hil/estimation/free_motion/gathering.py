@@ -299,7 +299,8 @@ def _moves_only(robot: Robot, found: Survey, processing: Processing) -> bool:
     lost = [undetermined(each.normal.information)[:n] for each in fits]
     # variances of torques on the recorded motion, relative to the torques
     columns = every.total.products[0, :, 1 : n + 1, 1 : n + 1]
-    columns = columns / np.maximum(every.squares, np.finfo(float).tiny)[:, np.newaxis, np.newaxis]
+    driven = every.squares > 0
+    columns = columns[driven] / every.squares[driven, np.newaxis, np.newaxis]
     errors = [np.sum(columns * each.fit().covariance[:n, :n]) for each in fits]
     # ratio of two variances by chance, at a level of 5 %
     chance = special.fdtri(len(moving) - 1, len(moving) - 1, 0.05) if len(moving) > 1 else 0.0

@@ -93,6 +93,8 @@ class FreeMotionFit(FileModel):
     dead_zone : float
         Slowest fitted speed as a share of an axis's speed; slower samples are included in
         residuals.
+    moving_only : bool
+        True if torques of resting axes are not used.
     recorded_velocity : tuple of int
         Axes with recorded velocity, from 1.
     velocity_reasons : tuple of str
@@ -161,6 +163,7 @@ class FreeMotionFit(FileModel):
     lag: tuple[TermValue, ...] = ()
     compliance: dict[int, TermValue] = Field(default_factory=dict)
     change: Change | None = None
+    moving_only: bool = False
     file_key: ClassVar[str | None] = "friction"
     with_law: ClassVar[bool] = True
     curves: ClassVar[tuple[()]] = ()

@@ -102,7 +102,8 @@ def test_a_report_shows_what_identify_found(
 
     shown = re.findall(r'(?s)<p class="outcome \w+"><strong>(.*?)</p>', text)
     assert unescape(shown[0].replace("</strong>", ":")) == str(model.verdict)
-    assert unescape(shown[1]) == f"note</strong> on these recordings: {model.band_residual}"
+    left = model.band_residual.describe(model.robot.torque_limit)
+    assert unescape(shown[1]) == f"note</strong> on these recordings: {left}"
     (packed,) = re.findall(r'parameters\.json" href="data:[^,]+;base64,([^"]+)"', text)
     found = json.loads(base64.b64decode(packed))
     assert found["method"] == model.method
