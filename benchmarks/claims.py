@@ -40,12 +40,12 @@ import numpy as np
 import yaml
 from accuracy import ROBOT, SIDE_BY_SIDE, hil, judge, rms
 from drift_study.scenarios import SCENARIOS, Scenario, write_plant
-from drift_study.summary import GROUPS
 from figures import Figure, keep
 from rivals.cramer_rao import cramer_rao
 
 from hil.commands.diagnose import diagnose
 from hil.ground_truth.true_parameters import true_parameters
+from hil.model.dependencies import GROUPS
 from hil.model.robot import Robot
 from hil.model.robot_file import LINK_PARAMETERS
 from hil.planning.measurement import shows_element
