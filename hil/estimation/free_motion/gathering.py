@@ -64,6 +64,10 @@ if TYPE_CHECKING:
     from hil.runs.recording import Recorded, Recording
 
 
+RESTS = 1.0 / 3.0
+"""Least share of samples at rest that may spoil an estimate: they then weigh half of the others."""
+
+
 class Selected:
     """Repeatable iteration over selected recordings."""
 
@@ -293,7 +297,9 @@ def _moves_only(robot: Robot, found: Survey, processing: Processing) -> bool:
     if all(motion.window is None for motion in motions):
         return False
     every, moving = (_first_pieces(robot, found, each) for each in (processing, moving_only))
-    if every is None or moving is None or np.array_equal(every.counts, moving.counts):
+    if every is None or moving is None:
+        return False
+    if moving.counts.sum() > (1.0 - RESTS) * every.counts.sum():
         return False
     fits = [usual(pieces) for pieces in (every, moving)]
     lost = [undetermined(each.normal.information)[:n] for each in fits]
