@@ -169,7 +169,7 @@ def estimate_from(
         band=processing.band,
         cut_off_reason=gathered.reasons.cut_off,
         dead_zone=dead_zone(choice),
-        moving_only=processing.moving_only,
+        moving_only=processing.rests == "left out",
         recorded_velocity=tuple(int(k) + 1 for k in np.flatnonzero(processing.recorded_velocity)),
         velocity_reasons=gathered.reasons.velocities,
         axes=axis_friction(fit, plain, gathered, products),

@@ -88,7 +88,7 @@ def clock_suspicions(
         )
     elif explained or abs(np.log(common)) > np.log(OTHER) or shown.sum() < 2:
         return
-    elif (steps := _uneven(excerpts, shown)) is not None:
+    elif (steps := _uneven(excerpts, shown, common)) is not None:
         low, high = steps
         remedy = (
             "record a time stamp with each row, and name its column in place of the rate"
@@ -100,7 +100,7 @@ def clock_suspicions(
             "velocity",
             ("time",),
             f"samples are not equidistant: by the recorded velocities of joints {joints}, "
-            f"sampling periods reach from {1e3 * low * period:.2g} to {1e3 * high * period:.2g} "
+            f"sampling periods reach from {1e3 * low * period:.3g} to {1e3 * high * period:.3g} "
             f"ms, mean {1e3 * period:.3g} ms; {remedy}",
             certain=False,
             first=True,
@@ -165,24 +165,26 @@ def _ratios(excerpts: Sequence[Excerpt], evidence: Evidence, shown: Mask) -> tup
     return np.maximum(ratio, np.finfo(float).tiny), np.maximum(error, np.finfo(float).eps)
 
 
-def _uneven(excerpts: Sequence[Excerpt], shown: Mask) -> Array | None:
+def _uneven(excerpts: Sequence[Excerpt], shown: Mask, common: float) -> Array | None:
     """Return the least and greatest usual time between samples by velocities, in periods.
 
     None if samples are even, or the joints disagree.
 
     The steps of each joint are predicted by the time from the velocities of the others. Velocities
     with constant gain, lag and filter are no clock: what is linear in the velocities around a step,
-    with the same factors in all rows, is left out first.
+    with the same factors in all rows, is left out first. The times are those of the velocities
+    without the factor `common` to all.
     """
     period = excerpts[0].period
     reach = half_width(period)
     every = max(1, reach // TAPS)
-    steps, around = [], []
+    steps, around, own = [], [], []
     for each in excerpts:
         qd = (each.qd[1:, shown] + each.qd[:-1, shown]) / 2 * period
         windows = sliding_window_view(qd, 2 * reach + 1, axis=0)
         around.append(windows[:, :, reach % every :: every])
         steps.append(np.diff(each.q[:, shown], axis=0)[reach : len(qd) - reach])
+        own.append(qd[reach : len(qd) - reach] / common)
     step, about = np.concatenate(steps), np.concatenate(around)
     if len(step) <= about.shape[2]:
         return None
@@ -199,8 +201,9 @@ def _uneven(excerpts: Sequence[Excerpt], shown: Mask) -> Array | None:
     foretold = others / np.where(fast, power, 1.0)
     left = np.where(fast, (step - speed * foretold) ** 2, 0.0)
     whole = np.where(fast, (step - speed) ** 2, 0.0)
-    size = (speed**2).sum(axis=1)
-    passed = (step * speed).sum(axis=1)[size > 1.0 / 3.0] / size[size > 1.0 / 3.0]
+    recorded = np.concatenate(own) / scale
+    size = (recorded**2).sum(axis=1)
+    passed = (step * recorded).sum(axis=1)[size > 1.0 / 3.0] / size[size > 1.0 / 3.0]
     off = whole.sum(axis=1)
     usual = off <= np.quantile(off, 1 - 2 * TAIL)
     if not len(passed) or not np.all(left[usual].sum(axis=0) < FORETOLD * whole[usual].sum(axis=0)):

@@ -13,8 +13,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from hil.estimation.free_motion.motion import BANDS, ORDER
-from hil.estimation.free_motion.settings import bandwidth, cut_off_of, floor, spectrum
+from hil.estimation.free_motion.motion import ORDER
+from hil.estimation.free_motion.settings import band_of, bandwidth, cut_off_of, floor, spectrum
 from hil.imports.clock import clock_suspicions
 from hil.imports.evidence import Suspicion
 from hil.imports.held import fast_steps, repeats, saturated
@@ -212,7 +212,8 @@ def _noisy(excerpts: Sequence[Excerpt]) -> Iterator[Suspicion]:
     spectra = [
         (axis, spectrum(excerpts[k].q[:, axis], period)) for k, axis in np.argwhere(moves).tolist()
     ]
-    band = cut_off_of([bandwidth(*each, period) for _, each in spectra], period, None)[0] / BANDS
+    cut_off, _ = cut_off_of([bandwidth(*each, period) for _, each in spectra], period, None)
+    band = band_of(cut_off)
     powers = np.zeros((2, moves.shape[1]))  # of the noise, and of all
     for axis, (f, power) in spectra:
         weight = ((2 * np.pi * f) ** 2 / (1 + (f / band) ** (2 * ORDER))) ** 2

@@ -95,7 +95,7 @@ def _moving_rows(model: Model, recording: Recording) -> Sequence[Mask | slice]:
     """
     if not (isinstance(model.details, FreeMotionFit) and model.details.moving_only):
         return [slice(None)] * model.robot.n_joints
-    motion = filtered_motion(recording, replace(processing_of(model), moving_only=True))
+    motion = filtered_motion(recording, replace(processing_of(model), rests="left out"))
     return [~widen(~rows, round(COARSE / 2)) for rows in motion.telling[motion.used].T]
 
 

@@ -28,6 +28,7 @@ from hil.errors import NotEnoughData
 from hil.estimation.condensed import ROTOR
 from hil.estimation.free_motion.columns import axis_columns, shared_names, soft_gears
 from hil.estimation.free_motion.motion import changing
+from hil.friction.law import SLOWEST
 from hil.friction.terms import COLUMNS
 from hil.least_squares.blocks import Blocks
 from hil.least_squares.choice import FOLDS
@@ -44,7 +45,7 @@ if TYPE_CHECKING:
 
 PERIODS = 10.0
 """Shortest independent piece of time, in periods of the cut-off frequency."""
-SPEEDS = (0.02, 0.05, 0.1)
+SPEEDS = (SLOWEST, 0.05, 0.1)
 """Candidate dead zones: bounds of the classes of speed as shares of the axis's speed."""
 
 
@@ -247,9 +248,9 @@ def recorded_products(
         states = divided.cells(motion)[motion.used] if len(divided.states) else None
         speeds = np.digitize(motion.slowest[motion.used], SPEEDS)
         used = slice(parts[0].start, parts[-1].stop)
-        speed = motion.qd[:: motion.rates.coarse][used] / motion.processing.speed
-        moves = motion.telling[used] & (np.abs(speed) >= SPEEDS[0])
-        ways += np.transpose([(moves & (way * speed > 0)).sum(axis=0) for way in (1, -1)])
+        qd = motion.qd[:: motion.rates.coarse][used]
+        moves = motion.telling[used] & motion.processing.moves(qd)
+        ways += np.transpose([(moves & (way * qd > 0)).sum(axis=0) for way in (1, -1)])
         every = every_axis(robot, motion, first, motion.tau, terms, soft)
         for axis, rows in enumerate(each[used] for each in every):
             some = motion.telling[used, axis]
@@ -377,13 +378,17 @@ def remove_levels(motion: Motion, axis: int, rows: Array) -> Array:
 
 
 def long_rests(motion: Motion, axis: int) -> list[slice]:
-    """Return the rests of a moving axis, beside moving ones, longer than a piece of time."""
+    """Return the rests of a moving axis, beside moving ones, of two pieces of time or more.
+
+    None unless their level is not used.
+    """
     processing, every = motion.processing, motion.rates.coarse
-    if processing.rest is not None and np.isfinite(processing.rest[axis]):
+    still = processing.rest is not None and np.isfinite(processing.rest[axis])
+    if still or processing.rests != "level":
         return []
-    moves = np.abs(motion.qd[::every][: len(motion.used)]) >= SPEEDS[0] * processing.speed
+    moves = processing.moves(motion.qd[::every][: len(motion.used)])
     change = np.diff((motion.used & ~moves[:, axis]).astype(int), prepend=0, append=0)
-    least = PERIODS / (processing.band * motion.period * every)
+    least = 2.0 * PERIODS / (processing.band * motion.period * every)
     ends = np.flatnonzero(change).reshape(-1, 2).tolist()
     return [slice(a, b) for a, b in ends if b - a > least and moves[a:b].any()]
 

@@ -51,7 +51,7 @@ if TYPE_CHECKING:
     from hil.arrays import Array
     from hil.estimation.free_motion.accumulation import Products
     from hil.estimation.free_motion.choice import Choice
-    from hil.estimation.free_motion.motion import Motion, Processing
+    from hil.estimation.free_motion.motion import Motion, Processing, Rests
     from hil.estimation.free_motion.settings import Reasons
     from hil.estimation.free_motion.survey import Survey
     from hil.estimation.free_motion.variants import Variant
@@ -64,8 +64,11 @@ if TYPE_CHECKING:
     from hil.runs.recording import Recorded, Recording
 
 
-RESTS = 1.0 / 3.0
-"""Least share of samples at rest that may spoil an estimate: they then weigh half of the others."""
+REVERSALS = 0.05
+"""Share of samples below 2 % of an axis's speed that reversals explain: 1.3 % of a sine."""
+STATIC = 1.25
+"""Allowance for static friction over the Coulomb friction of a straight line through friction in
+motion: with a Stribeck effect the former is greater."""
 
 
 class Selected:
@@ -191,7 +194,7 @@ def gather(
     if found.still and not found.unknown_gains:
         processing = replace(processing, held=_held(robot, found, processing))
     if chosen and not found.unknown_gains:
-        processing = replace(processing, moving_only=_moves_only(robot, found, processing))
+        processing = replace(processing, rests=_choose_rests(robot, found, processing))
     nuisances = find_nuisances(robot, found, processing, options.nuisance if chosen else ())
     processing = nuisances.processing
     stretches = _unspoilt_stretches(found, motions, processing)
@@ -282,27 +285,36 @@ def rate_regressions(gathered: Sequence[Gathered]) -> list[Kind]:
 
 def _held(robot: Robot, found: Survey, processing: Processing) -> tuple[int, ...]:
     """Return the axes at rest that are held by a brake or by static friction."""
-    pieces = _first_pieces(robot, found, processing)
+    motions = [filtered_motion(each, processing) for each in found.stretches]
+    pieces = _first_pieces(robot, found, motions)
     return () if pieces is None else held_axes(pieces, found.still)
 
 
-def _moves_only(robot: Robot, found: Survey, processing: Processing) -> bool:
-    """Check that torques of axes in motion alone certainly determine base parameters better.
+def _choose_rests(robot: Robot, found: Survey, processing: Processing) -> Rests:
+    """Choose the use of torques at rest: left out if motion alone is certainly better.
 
-    The torque of an axis at rest is weight within twice the static friction, by an error that lasts
-    as long as the rest. But if joints move one by one, only resting axes show couplings.
+    The torque of an axis at rest is weight within the static friction, by an error that lasts as
+    long as the rest. A torque at rest further from the weight shows what the model lacks, and
+    joints that move one by one show couplings at rest only.
     """
-    n, moving_only = len(base_parameters(robot)), replace(processing, moving_only=True)
-    motions = [filtered_motion(each, moving_only) for each in found.stretches]
-    if all(motion.window is None for motion in motions):
-        return False
-    every, moving = (_first_pieces(robot, found, each) for each in (processing, moving_only))
+    uses: tuple[Rests, Rests] = ("level", "left out")
+    of_all, of_motion = (
+        [filtered_motion(each, replace(processing, rests=use)) for each in found.stretches]
+        for use in uses
+    )
+    if all(np.array_equal(a.telling, b.telling) for a, b in zip(of_all, of_motion, strict=True)):
+        return "level"
+    every, moving = (_first_pieces(robot, found, motions) for motions in (of_all, of_motion))
     if every is None or moving is None:
-        return False
-    if moving.counts.sum() > (1.0 - RESTS) * every.counts.sum():
-        return False
-    fits = [usual(pieces) for pieces in (every, moving)]
+        return "level"
+    if moving.counts.sum() > (1.0 - REVERSALS) * every.counts.sum():
+        return "level"
+    n, fits = len(base_parameters(robot)), [usual(pieces) for pieces in (every, moving)]
     lost = [undetermined(each.normal.information)[:n] for each in fits]
+    x, layout = fits[1].solution, moving.layout
+    coulomb = x[[layout.index("Coulomb", axis) for axis in range(robot.n_joints)]]
+    at_rest = every.squares_left(x).sum(axis=0) - moving.squares_left(x).sum(axis=0)
+    counts = every.counts.sum(axis=0) - moving.counts.sum(axis=0)
     # variances of torques on the recorded motion, relative to the torques
     columns = every.total.products[0, :, 1 : n + 1, 1 : n + 1]
     driven = every.squares > 0
@@ -310,17 +322,21 @@ def _moves_only(robot: Robot, found: Survey, processing: Processing) -> bool:
     errors = [np.sum(columns * each.fit().covariance[:n, :n]) for each in fits]
     # ratio of two variances by chance, at a level of 5 %
     chance = special.fdtri(len(moving) - 1, len(moving) - 1, 0.05) if len(moving) > 1 else 0.0
-    return bool((lost[1] <= lost[0]).all() and errors[1] < chance * errors[0])
+    better = (
+        (lost[1] <= lost[0]).all()
+        and (at_rest <= (STATIC * coulomb) ** 2 * counts).all()
+        and errors[1] < chance * errors[0]
+    )
+    return "left out" if better else "level"
 
 
-def _first_pieces(robot: Robot, found: Survey, processing: Processing) -> Blocks | None:
+def _first_pieces(robot: Robot, found: Survey, motions: Sequence[Motion]) -> Blocks | None:
     """Condense the survey's stretches with classical friction; None without unspoilt samples."""
-    motions = [filtered_motion(each, processing) for each in found.stretches]
     motions = [motion for motion in motions if motion.used.sum() > 1]
     if not motions:
         return None
     first = np.zeros(len(base_parameters(robot)))
-    divided = division(processing, found.duration)
+    divided = division(motions[0].processing, found.duration)
     recorded = recorded_products(robot, motions, divided, first, (*CLASSICAL, BENT))
     return Scaling.known(np.ones(robot.n_joints)).applied(recorded).pieces[0]
 

@@ -20,7 +20,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from functools import cached_property, lru_cache, partial
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 from scipy import fft
@@ -35,6 +35,7 @@ if TYPE_CHECKING:
     from hil.friction.direction import Direction
     from hil.runs.recording import Recording
 
+Rests = Literal["used", "level", "left out"]
 FINE = 8.0
 """Fewest samples of the motion in a period of the cut-off frequency."""
 COARSE = 4.0
@@ -179,8 +180,9 @@ class Processing:
         Positions of axes at rest [rad or m], NaN for the others; by default none rests.
     held : tuple of int
         Axes at rest, from 0, whose torque is not used (`hil.estimation.free_motion.choice`).
-    moving_only : bool
-        Use the torque of an axis only while it moves (`hil.estimation.free_motion.gathering`).
+    rests : str
+        Use of the torque while a moving axis rests: "used", but for its "level" over a long rest,
+        or "left out" (`hil.estimation.free_motion.gathering`).
     """
 
     cut_off: float
@@ -192,7 +194,11 @@ class Processing:
     soft: tuple[int, ...] = ()
     rest: Array | None = None
     held: tuple[int, ...] = ()
-    moving_only: bool = False
+    rests: Rests = "used"
+
+    def moves(self, qd: Array) -> Mask:
+        """Return a mask of velocities (..., n_joints) of axes that do not rest."""
+        return np.asarray(np.abs(qd) >= SLOWEST * self.speed)
 
     def spoilt(self, period: float) -> int:
         """Return the number of samples at either end affected by reflected samples."""
@@ -333,7 +339,8 @@ def filtered_motion(recording: Recording, processing: Processing, offset: int = 
         still = np.isfinite(processing.rest)
         q[:, still], qd[:, still], qdd[:, still] = processing.rest[still], 0.0, 0.0
     every = rates.fine * rates.coarse
-    window = _window(recording, processing, np.repeat(qd, rates.fine, axis=0)[: len(recording.q)])
+    moves = np.repeat(processing.moves(qd), rates.fine, axis=0)[: len(recording.q)]
+    window = _window(recording, processing, moves)
     tau = filtered_torque(recording, band, every, processing.lag, window)
     spoilt = processing.spoilt(period * every)
     used = np.zeros(len(tau), dtype=bool)
@@ -349,7 +356,7 @@ def smooth_positions(recording: Recording, cut_off: float) -> Recording:
     return replace(recording, **{name: x[far : len(x) - far] for name, x in arrays.items()})
 
 
-def _window(recording: Recording, processing: Processing, qd: Array) -> Array | None:
+def _window(recording: Recording, processing: Processing, moves: Mask) -> Array | None:
     """Return `Motion.window`; None if torque is used throughout.
 
     The equation of motion holds in every sample, so also times a factor. Its slopes last a period
@@ -358,13 +365,12 @@ def _window(recording: Recording, processing: Processing, qd: Array) -> Array | 
     period = recording.period
     of = recording.q, recording.tau, period
     silent = braked(*of) | limited(*of)
-    if processing.moving_only:
-        slow = np.abs(qd) < SLOWEST * processing.speed
-        moves = np.ones(slow.shape[1]) if processing.rest is None else np.isnan(processing.rest)
+    if processing.rests == "left out":
         # half a period of the equation's cut-off: a shorter stop is not resolved
         half = max(1, round(0.25 / (processing.band * period)))
-        for axis in np.flatnonzero(moves).tolist():
-            silent[:, axis] |= widen(~widen(~slow[:, axis], half), half)
+        moved = np.ones(moves.shape[1]) if processing.rest is None else np.isnan(processing.rest)
+        for axis in np.flatnonzero(moved).tolist():
+            silent[:, axis] |= widen(~widen(moves[:, axis], half), half)
     if not silent.any():
         return None
     n = max(1, round(0.5 / (processing.cut_off * period)))

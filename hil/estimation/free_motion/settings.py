@@ -92,15 +92,14 @@ def processing_of(found: Survey) -> tuple[Processing, Reasons]:
     reasons = Reasons(reason, tuple(source.reason for source in sources))
     none = np.zeros(len(found.speed))
     processing = Processing(
-        cut_off,
-        max(cut_off / BANDS, min(cut_off / CLOSEST, RIGID)),
-        found.speed,
-        recorded,
-        none,
-        none,
-        rest=found.rest,
+        cut_off, band_of(cut_off), found.speed, recorded, none, none, rest=found.rest
     )
     return processing, reasons
+
+
+def band_of(cut_off: float) -> float:
+    """Return the cut-off frequency of torque and columns [Hz] for that of the positions."""
+    return max(cut_off / BANDS, min(cut_off / CLOSEST, RIGID))
 
 
 def cut_off_of(

@@ -118,7 +118,7 @@ def test_noise_that_biases_inertias_is_one_remark(tmp_path):
     columns = dict(zip(["t", "q1", "q2", "m1", "m2"], [time, *noisy.T, *tau.T], strict=True))
     noise = [each for each in remarks(tmp_path, columns) if each.startswith("noise of positions")]
     assert len(noise) == 1
-    assert re.search(r"is \d+(\.\d)? % of the accelerations up to 0.33 Hz, .* \(joints 1", noise[0])
+    assert re.search(r"is \d+(\.\d)? % of the accelerations up to 0.67 Hz, .* \(joints 1", noise[0])
 
 
 @pytest.mark.parametrize("count", [0.003, 0.01, 0.03])

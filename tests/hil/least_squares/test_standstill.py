@@ -28,7 +28,7 @@ def test_noise_is_no_motion_however_large_it_is(sigma):
 
 @pytest.mark.parametrize("sigma", [0, 1e-5, 5e-4, 2e-3])
 def test_a_slow_motion_shows_through_noise(sigma):
-    assert moves(20 * sigma * np.sin(0.3 * TIME) + 4e-3 * np.sin(TIME) + noise(sigma)) == [True]
+    assert moves(20 * sigma * np.sin(0.3 * TIME) + 2e-3 * np.sin(TIME) + noise(sigma)) == [True]
 
 
 @pytest.mark.parametrize("frequency", [0.1, 1, 5])

@@ -50,15 +50,15 @@ def elbow() -> Robot:
     return Robot.create("elbow", joints)
 
 
-def paused(moves: Moves, seed: int, robot: Robot, p: Array) -> FreeRecorded:
-    """Return moves with pauses, in each of which friction is any below Coulomb's."""
+def paused(moves: Moves, seed: int, robot: Robot, p: Array, static: float = 1.0) -> FreeRecorded:
+    """Return moves with pauses, in each of which friction is any below `static` times Coulomb's."""
     rng, (motion, recording) = np.random.default_rng(seed), recorded(arm(), TRUTH, duration=60.0)[0]
     q, qd, qdd = moves(recording.time, rng)
     friction = classical(qd)
     for axis, coulomb in enumerate(COULOMB):
         still = np.abs(qd[:, axis]) < 1e-6
         number = np.cumsum(still & ~np.append(False, still[:-1]))
-        held = coulomb * rng.uniform(-1.0, 1.0, number.max() + 1)
+        held = static * coulomb * rng.uniform(-1.0, 1.0, number.max() + 1)
         friction[still, axis] = held[number[still]]
     tau = inverse_dynamics(robot, p, q, qd, qdd) + motor_torque(robot, q, qd, qdd) + friction
     tau += 0.1 * rng.standard_normal(q.shape)
@@ -67,7 +67,7 @@ def paused(moves: Moves, seed: int, robot: Robot, p: Array) -> FreeRecorded:
 
 
 def moving_only(robot: Robot, data: FreeRecorded) -> bool:
-    return gather(robot, data, VARIANTS[DEFAULT]).processing.moving_only
+    return gather(robot, data, VARIANTS[DEFAULT]).processing.rests == "left out"
 
 
 @pytest.mark.parametrize("seed", range(4))
@@ -86,10 +86,17 @@ def test_torques_at_rest_are_used_where_nothing_else_shows_couplings() -> None:
     assert moving_only(elbow(), paused(short_moves, 0, elbow(), p))
 
 
+def test_torques_at_rest_beyond_static_friction_show_what_the_model_lacks() -> None:
+    assert moving_only(arm(), paused(short_moves, 0, arm(), TRUTH, 1.2))
+    # rms of a uniform distribution: 1.15 and 1.73 times Coulomb friction
+    assert moving_only(arm(), paused(short_moves, 0, arm(), TRUTH, 2.0))
+    assert not moving_only(arm(), paused(short_moves, 0, arm(), TRUTH, 3.0))
+
+
 def test_continuous_motion_is_used_whole() -> None:
     assert not moving_only(arm(), recorded(arm(), TRUTH))
 
 
 def test_rivals_use_torques_at_rest() -> None:
     data = paused(short_moves, 0, arm(), TRUTH)
-    assert not gather(arm(), data, VARIANTS["weighted least squares"]).processing.moving_only
+    assert gather(arm(), data, VARIANTS["weighted least squares"]).processing.rests == "used"
