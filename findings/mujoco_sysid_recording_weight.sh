@@ -9,11 +9,11 @@
 # Expected: a value near 0.5, since 30 of 31 s say so. Residuals are divided by
 # the RMS of the measured signal, and the RMS of the two is nearly the same.
 #
-# Seen: 0.80; 0.52 if a residual function of one's own divides by the RMS. The
+# Seen: 0.795; 0.519 if a residual function of one's own divides by the RMS. The
 # divisor lacks the number of samples: it is the root of the sum of squares over
 # sqrt(2), and grows with the length. So every recording has one vote, whatever
-# its length, and one second of a bad recording outweighs half a minute of good
-# ones. The same holds for recordings at different rates.
+# its length, and one second of a bad recording outweighs half a minute of a good
+# one. The same holds for recordings at different rates.
 #
 # Documentation: normalize_residual is "Divide by column-wise RMS of measured
 # data" in the README and "by the standard deviation" in its docstring.
