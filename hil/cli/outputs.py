@@ -8,6 +8,7 @@ their parents. `refuse_unwritable` checks files that a command writes into the f
 
 from __future__ import annotations
 
+import itertools
 import os
 from enum import IntEnum
 from pathlib import Path
@@ -179,13 +180,17 @@ def show(*found: Outcome | Table | str) -> None:
 
 
 def say_verdicts(verdicts: Sequence[Verdict]) -> None:
-    """Print the verdicts on a result: worst first, then notes."""
+    """Print the verdicts on a result: the worst, beginnings of further objections, notes."""
     if verdicts:
         text = printable(str(verdicts[0]))
         give(judgement={"word": verdicts[0].kind, "text": text})
-    for number, each in enumerate(verdicts):
-        if number == 0 or each.word != each.kind or each.kind == "note":
-            say(str(each), style=STYLES[each.kind])
+        say(str(verdicts[0]), style=STYLES[verdicts[0].kind])
+    shown = [each.word != each.kind or each.kind == "note" for each in verdicts[1:]]
+    further = [each for each, all_of_it in zip(verdicts[1:], shown, strict=True) if not all_of_it]
+    if further:
+        say(f"also: {'; '.join(dict.fromkeys(each.text.split('; ')[0] for each in further))}")
+    for each in itertools.compress(verdicts[1:], shown):
+        say(str(each), style=STYLES[each.kind])
 
 
 def write_page(path: Path, found: Outcome) -> None:

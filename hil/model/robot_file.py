@@ -95,9 +95,11 @@ class Joint(FileModel):
         kind = info.data.get("type", "revolute")
         unit, bound = _UNIT[kind], MAX_RANGE[kind]
         if abs(value) > bound:
+            turns = ' (an axis of many turns: type="continuous" in a URDF, else +-12.566)'
             raise ValueError(
                 f"{value:g} {unit} must be within +-{bound:g} {unit}:"
                 f" it looks like {_WRONG_UNIT[kind]}{_conversion(kind, value)}"
+                f"{turns if kind == 'revolute' else ''}"
             )
         lower = info.data.get("q_min", -math.inf)
         if info.field_name == "q_max" and not value > lower:

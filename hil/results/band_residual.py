@@ -10,6 +10,7 @@ import numpy as np
 
 from hil.errors import FrictionUnknown, Mismatch
 from hil.estimation.free_motion.motion import low_passed
+from hil.estimation.options import ACCURACY
 from hil.friction.equation import SLOW
 from hil.least_squares.standstill import braked, extent, limited, moving
 from hil.least_squares.window import widen
@@ -39,12 +40,16 @@ LONGER = 1.5
 """Longest interval without a lost sample, in sampling periods; usable even if above `COARSE`."""
 FINE = 32.0
 """Minimum number of samples kept per period of the cut-off, for faster recordings."""
+INDEPENDENT = 2.0 * 9.0 / 25.0 * BAND
+"""Independent values of differentiated noise in a second: of a spectrum that grows with the fourth
+power of the frequency, 9/25 of the band count, (int S)^2 / int S^2."""
 
 
 class _Samples(NamedTuple):
     """Torque of a motion, filtered and recorded, with its prediction, raw and smoothed.
 
-    Arrays have the shape (n, n_axes), like the masks of counted samples and of axes at rest.
+    Arrays have the shape (n, n_axes), like the masks of counted samples and of axes at rest;
+    `step` is the time between samples [s].
     """
 
     filtered: Array
@@ -53,15 +58,20 @@ class _Samples(NamedTuple):
     smoothed: Array
     counts: Mask
     rests: Mask
+    step: float
 
 
-def band_residual(model: Model, recorded: Recorded) -> BandResidual | None:
+def band_residual(
+    model: Model, recorded: Recorded, accuracy: float = ACCURACY
+) -> BandResidual | None:
     """Compute the residual of a model on recordings.
 
     Parameters
     ----------
     recorded : iterable of (RecordedMotion, Recording)
         Recordings of the same robot.
+    accuracy : float
+        Tolerated residual over the torque: of a larger one, the part due to noise is computed.
 
     Returns
     -------
@@ -70,7 +80,7 @@ def band_residual(model: Model, recorded: Recorded) -> BandResidual | None:
     """
     n_joints = model.robot.n_joints
     squares, counts = np.zeros((6, n_joints)), np.zeros((6, n_joints))
-    noise = np.zeros(n_joints)
+    noise, seconds = np.zeros((2, n_joints))
     unknown = [axis - 1 for axis in model.axes_without_friction]
     if len(unknown) == n_joints:
         return None
@@ -97,10 +107,16 @@ def band_residual(model: Model, recorded: Recorded) -> BandResidual | None:
             own += [np.sum(np.where(mask, x, 0.0) ** 2, axis=0) for x, mask in rows]
             counts[:, axes] += [mask.sum(axis=0) for _, mask in rows]
         squares[:, axes] += own
-        if (own[3] > own[2]).any():  # the model is worse than none, or positions are noisy
-            noise[axes] += _noise(model, recording, used, axes)
+        if (own[3] > accuracy**2 * own[2]).any():
+            for total, part in zip(
+                (noise, seconds), _noise(model, recording, used, axes), strict=True
+            ):
+                total[axes] += part
     if not counts.any():
         return None
+    # two draws of noise, the recorded and the added one, agree within this share by chance, 95 %
+    chance = 2.0 * np.sqrt(2.0 * 2.0 / np.maximum(INDEPENDENT * seconds, 1.0))
+    noise *= np.maximum(1.0 - chance, 0.0)
     squares, counts = np.vstack([squares, noise]), np.vstack([counts, counts[3]])
     roots = np.sqrt(squares / np.maximum(counts, 1.0)).tolist()
     found = [
@@ -111,20 +127,24 @@ def band_residual(model: Model, recorded: Recorded) -> BandResidual | None:
     return BandResidual(band=BAND, **dict(zip(names, found, strict=True)))
 
 
-def _noise(model: Model, recording: Recording, used: Mask, axes: Sequence[int]) -> Array:
-    """Return the sum of squares of the smoothed prediction due to noise of positions, (n_axes,).
+def _noise(
+    model: Model, recording: Recording, used: Mask, axes: Sequence[int]
+) -> tuple[Array, Array]:
+    """Return the squares of the smoothed prediction due to noise of positions, and the time [s].
 
-    As much noise as the positions have is added to them, and changes the prediction.
+    As much noise as the positions have is added to them, and changes the prediction. The squares
+    are summed over the samples in motion, and the time is that of these samples, each (n_axes,).
     """
     period = float(np.median(np.diff(recording.time)))
     drawn = np.random.default_rng(0).standard_normal(recording.q.shape)
     noisy = replace(recording, q=recording.q + extent(recording.q, period).noise * drawn)
     both = (_motions(model, each, used, axes) for each in (recording, noisy))
-    found = np.zeros(len(axes))
+    found, seconds = np.zeros((2, len(axes)))
     for each, other in zip(*both, strict=True):
         moved = each.counts & ~each.rests
         found += np.sum(np.where(moved, other.smoothed - each.smoothed, 0.0) ** 2, axis=0)
-    return found
+        seconds += each.step * moved.sum(axis=0)
+    return found, seconds
 
 
 def _motions(
@@ -173,7 +193,7 @@ def _motions(
         speed, limit = np.abs(motions[0][1][:, axes]), model.robot.velocity_limit[axes]
         slow = speed < SLOW * np.where(np.isnan(limit), speed.max(axis=0), limit)
         rests = np.column_stack([widen(_long_runs(each, reach), reach) for each in slow.T])
-        yield _Samples(filtered, tau[::every], narrow, smoothed, counts, rests)
+        yield _Samples(filtered, tau[::every], narrow, smoothed, counts, rests, every * period)
 
 
 def _long_runs(mask: Mask, least: int) -> Mask:

@@ -314,7 +314,7 @@ def model_of(
 
 def rejudged(model: Model, recorded: Recorded, options: Options = DEFAULTS) -> Model:
     """Return a model with the residual over the fixed band, and judged by this residual."""
-    model = replace(model, band_residual=band_residual(model, recorded))
+    model = replace(model, band_residual=band_residual(model, recorded, options.accuracy))
     return replace(model, verdict=verdict(model, options.accuracy))
 
 

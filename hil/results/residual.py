@@ -62,8 +62,8 @@ class BandResidual(FileModel):
     recorded, unfiltered : tuple of float or None
         Root mean squares as above with the torque as recorded.
     noise : tuple of float or None
-        Part of `smoothed` due to the noise of positions, from motions whose `smoothed` exceeds the
-        torque; empty in files of earlier versions.
+        Part of `smoothed` certainly due to the noise of positions, from motions whose `smoothed`
+        exceeds the tolerated share of the torque; empty in files of earlier versions.
     """
 
     band: float
@@ -76,16 +76,18 @@ class BandResidual(FileModel):
     noise: tuple[float | None, ...] = ()
 
     @property
-    def worse_than_none(self) -> Mask:
-        """Axes whose residual exceeds the torque itself, even without the noise of positions.
+    def relative_noise(self) -> Array:
+        """Noise of positions in `relative_smoothed`; shape as there, 0 where it was not needed."""
+        return np.nan_to_num(_ratio(self.noise or (None,) * len(self.torque), self.moving))
 
-        Noise adds to the mean square, so the model without noise leaves the difference.
+    @property
+    def relative_without_noise(self) -> Array:
+        """Smoothed residual over the torque without the noise of positions; shape as in `relative`.
+
+        Noise adds to the mean square, so the model leaves the difference.
         """
-        if not self.noise:
-            return np.zeros(len(self.torque), dtype=bool)
-        squares = (np.nan_to_num(_array(x)) ** 2 for x in (self.smoothed, self.noise, self.moving))
-        left, noise, torque = squares
-        return np.asarray(left - noise > torque)
+        squares = self.relative_smoothed**2 - self.relative_noise**2
+        return np.asarray(np.sqrt(np.maximum(squares, 0.0)))
 
     @property
     def relative(self) -> Array:
@@ -128,11 +130,11 @@ class BandResidual(FileModel):
         return np.asarray(np.nan_to_num(torque) > least)
 
     def worst_first(self, limit: Array) -> Iterator[tuple[int, float]]:
-        """Yield the loaded axes, from 0, with their smoothed residuals, the greatest first.
+        """Yield the loaded axes, from 0, with their residuals without noise, the greatest first.
 
         `limit` as in `loaded`.
         """
-        left = np.where(self.loaded(limit), np.nan_to_num(self.relative_smoothed), 0.0)
+        left = np.where(self.loaded(limit), np.nan_to_num(self.relative_without_noise), 0.0)
         for axis in np.argsort(-left, kind="stable").tolist():
             if left[axis] > 0:
                 yield axis, float(left[axis])
@@ -141,6 +143,9 @@ class BandResidual(FileModel):
         """Describe the residual, with the worst loaded axis; `limit` as in `loaded`."""
         axis, left = next(self.worst_first(limit), (-1, 0.0))
         worst = f", worst loaded axis {axis + 1} with {_percent(left)} in motion" if left else ""
+        if left and self.relative_noise[axis] > left:
+            noise = _percent(float(self.relative_noise[axis]))
+            worst += f" beside {noise} due to the noise of its position"
         return (
             f"residual up to {self.band:g} Hz {_percent(self.overall)} of the torque (unfiltered"
             f" {_percent(self.overall_unfiltered)}){worst}"
@@ -166,22 +171,30 @@ def unexplained(
     """
     if found is None:
         return
-    worse = found.worse_than_none
     for axis, left in found.worst_first(limit):
-        if left > accuracy and worse[axis] and own_friction:
+        noise = float(found.relative_noise[axis])
+        if left <= accuracy:
+            return
+        if noise > left:
+            yield doubtful(
+                f"axis {axis + 1}: noise of its position is {_percent(noise)} of the torque up to "
+                f"{found.band:g} Hz, which hides whether the model leaves at most "
+                f"{_percent(accuracy)} (--accuracy)",
+                "record the encoder's full resolution, or faster motion",
+            )
+        elif left > 1.0 and found.noise and own_friction:
             yield failed(
-                f"axis {axis + 1}: residual {_percent(left)} of the torque up to "
-                f"{found.band:g} Hz, and noise of positions explains only "
-                f"{_percent(float(_ratio(found.noise, found.moving)[axis]))}: the model is worse "
-                "than none",
+                f"axis {axis + 1}: residual {_percent(float(found.relative_smoothed[axis]))} of "
+                f"the torque up to {found.band:g} Hz, and noise of positions explains only "
+                f"{_percent(noise)}: the model is worse than none",
                 "check column, sign and unit of its torque, its gear ratio and rotor inertia",
             )
-        elif left > accuracy:
+        else:
             yield doubtful(
                 f"axis {axis + 1}: residual {_percent(left)} of the torque up to "
                 f"{found.band:g} Hz, at most {_percent(accuracy)} allowed (--accuracy)",
                 "record motions like those to be predicted, or check for effects missing in the "
-                "model: springs, ripple, friction that depends on more than speed",
+                "model: springs, ripple, a moving base, friction that depends on more than speed",
             )
 
 

@@ -199,7 +199,7 @@ def validate(
     if own := score_own_recordings(model, run):
         return own
     recorded = Pooled([run])
-    left = band_residual(model, recorded)
+    left = band_residual(model, recorded, accuracy)
     # laws of friction from free motions do not depend on the motion history
     past = None if model.details.with_law else history(model.robot, recorded)
     return scored(model, predicted_torques(model, recorded, past), left, accuracy, past)
@@ -266,8 +266,8 @@ def judged(
     found = (*first, *own, *last)
     if not found:
         shares, band = {each.axis: each.relative for each in scores}, ""
-        if residual is not None and np.isfinite(residual.relative_smoothed).any():
-            shown = enumerate(residual.relative_smoothed.tolist(), start=1)
+        if residual is not None and np.isfinite(residual.relative_without_noise).any():
+            shown = enumerate(residual.relative_without_noise.tolist(), start=1)
             shares = {axis: x for axis, x in shown if np.isfinite(x)}
             band = f" up to {residual.band:g} Hz"
         worst = max(shares, key=shares.__getitem__)

@@ -6,6 +6,7 @@ the parameters' uncertainty, which is valid only for a correct model.
 
 from __future__ import annotations
 
+import itertools
 from functools import partial
 from typing import TYPE_CHECKING
 
@@ -42,6 +43,7 @@ if TYPE_CHECKING:
 
     from hil.arrays import Array
     from hil.estimation.excluded.result import Limit
+    from hil.estimation.intervals import Edge
     from hil.model.robot import Robot
     from hil.results.judgement import Rule
     from hil.results.model import Model
@@ -61,7 +63,7 @@ def verdict(model: Model, accuracy: float = ACCURACY) -> Judgement:
     large = tuple(unexplained(left, limit, accuracy, own_friction=own))
     late = tuple(_late(model, large))
     doubts = (
-        *reservations(OF_MISTAKES, model), *(late if large else ()), *large,
+        *reservations(OF_MISTAKES, model), *_judge_edges(model), *(late if large else ()), *large,
         *reservations(OF_MODELS, model),
     )  # fmt: skip
     doubts = *_first(model, doubts, large), *doubts
@@ -200,11 +202,20 @@ def _warned(warning: str) -> Reservation:
 
 def _judge_edges(model: Model) -> Iterator[Reservation]:
     """Yield estimates at the edge of the search range; the true value may be beyond the edge."""
+    alike: dict[tuple[object, ...], list[Edge]] = {}
     for each in model.edges:
-        where = "at" if abs(each.value) <= abs(each.bound) else "beyond"
+        alike.setdefault((each.what, each.value, each.bound), []).append(each)
+    for first, *others in alike.values():
+        reason = (
+            f"{_axes([first.axis, *(each.axis for each in others)])}: {first.what} "
+            f"{significant(first.value, 3)} {first.unit}, "
+        )
+        if abs(first.value) <= abs(first.bound):
+            reason += "at the limit of the search range"
+        else:
+            reason += f"above {significant(first.bound, 3)} {first.unit}, the limit of the search"
         yield doubtful(
-            f"axis {each.axis}: {each.what} {significant(each.value, 3)} {each.unit}, {where} the"
-            f" limit of the search range, {significant(each.bound, 3)} {each.unit}",
+            reason,
             "check for effects missing in the model: torque and position sampled at different "
             "instants, a low-pass of the torque, a wrong unit or column, flexible links",
         )
@@ -250,11 +261,15 @@ OF_FREE_MOTIONS: tuple[Rule[FreeMotionFit], ...] = (
 
 
 def _biased(model: Model, fit: FreeMotionFit) -> Iterator[Reservation]:
-    """Yield a doubt about torques that noise of the positions shifts by more than `LARGE`."""
-    test, free = fit.bias_test, free_torques(model)
-    if test is None or not test.biased or not test.change or free is None:
+    """Yield a doubt about torques that noise of the positions shifts by more than `LARGE`.
+
+    A shift within a torque's standard error is a matter of excitation.
+    """
+    test, free, error = fit.bias_test, free_torques(model), uncertainty(model)
+    if test is None or not test.biased or not test.change or free is None or error is None:
         return
     shifts = free.relative(free.rms(np.array(test.change)), model.values)
+    shifts = np.where(shifts > error, shifts, 0.0)
     worst = int(np.argmax(shifts))
     if shifts[worst] > LARGE:
         yield doubtful(
@@ -286,7 +301,7 @@ def _not_identified(model: Model, fit: FreeMotionFit) -> Iterator[Reservation]:
 
 def _free_motions(model: Model) -> Iterator[Reservation]:
     if isinstance(model.details, FreeMotionFit):
-        left = model.band_residual.relative_smoothed if model.band_residual else None
+        left = model.band_residual.relative_without_noise if model.band_residual else None
         yield from reservations((partial(_unexplained, in_motion=left),), model.details)
         yield from _biased(model, model.details)
         yield from reservations(OF_FREE_MOTIONS, model.details)
@@ -309,14 +324,14 @@ def _unexcited(model: Model) -> Iterator[Reservation]:
     weighed = np.isin(np.arange(model.robot.n_joints), model.robot.weighed_slides)
     errors = [free.standard_error(model.covariance, gravity=only) for only in (True, False)]
     heavy = (errors[0] ** 2 > HALF * errors[1] ** 2) & ~weighed
-    unknown = relative > TOLERANCE
-    for axes, motion, remedy in (
-        (heavy & unknown, "motions through the whole range", "over a wider range"),
-        (~heavy & unknown, "motions as fast as limits allow", "with greater acceleration"),
-    ):
+    kinds = (
+        (heavy, "motions through the whole range", "over a wider range"),
+        (~heavy, "motions as fast as limits allow", "with greater acceleration"),
+    )
+    for lost, (own, motion, remedy) in itertools.product((True, False), kinds):
+        axes = own & (relative > TOLERANCE) & ((relative >= 1.0) == lost)
         if axes.any():
-            most = relative[axes].max()
-            known = f"known within {most:.0%} only" if most < 1 else "unknown"
+            known = "unknown" if lost else f"known within {relative[axes].max():.0%} only"
             numbers = np.flatnonzero(axes) + 1
             yield doubtful(
                 f"{_axes(numbers)}: torque on {motion} is {known}, at most {TOLERANCE:.0%} allowed",
@@ -382,7 +397,7 @@ OF_DATA: tuple[Rule[Model], ...] = (
 """Rules on the measurements of a model, independent of its use."""
 OF_MISTAKES: tuple[Rule[Model], ...] = (_found, _doubted, _free_motions)
 """Rules on what may be wrong with recordings and map, and so leave a residual."""
-OF_MODELS: tuple[Rule[Model], ...] = (_unexcited, _impossible, _judge_edges, *OF_DATA, _causes)
+OF_MODELS: tuple[Rule[Model], ...] = (_unexcited, _impossible, *OF_DATA, _causes)
 
 
 EVERY = "torques of all axes"

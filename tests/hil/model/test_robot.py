@@ -118,6 +118,7 @@ def test_frames_may_be_written_in_lengths_and_pi(chains):
     [
         ("q_max: 2.880", "q_max: 165", "165 rad must be within +-20 rad: it looks like degrees"),
         ("q_max: 2.880", "q_max: 165", "write 2.88"),
+        ("q_max: 2.880", "q_max: 165", "many turns"),
         ("q_max: 2.880", "q_max: -2.9", "-2.9 rad must be greater than q_min = -2.88 rad"),
         ("velocity_limit: 3.0", "velocity_limit: -1.2", "-1.2 rad/s must be positive"),
         ("velocity_limit: 3.0", "velocity_limit: 172", "it looks like degrees; write 3.002"),

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
@@ -178,8 +179,23 @@ def test_noise_of_positions_makes_no_model_worse_than_none(
     found = band_residual(model, noisy)
     assert found is not None
     assert (found.relative_smoothed > 1.0).any()
-    assert not found.worse_than_none.any()
+    said = list(unexplained(found, model.robot.torque_limit, 0.1, own_friction=True))
+    assert said
+    for each in said:
+        assert re.match(r"axis \d: noise of its position is \d+ % of the torque", each.reason)
     assert verdict(replace(model, band_residual=residual(0.05, 20.03))).word == "doubtful"
+
+
+def test_noise_of_positions_counts_for_nothing_where_the_rest_is_accurate(
+    model: Model, data: FreeRecorded
+) -> None:
+    rng = np.random.default_rng(2)
+    noisy = [(m, replace(r, q=r.q + 0.004 * rng.standard_normal(r.q.shape))) for m, r in data]
+    found = band_residual(model, noisy)
+    assert found is not None
+    assert (found.relative_smoothed > 0.1).any()
+    assert list(unexplained(found, model.robot.torque_limit, 0.1)) == []
+    assert "due to the noise of its position" in found.describe(model.robot.torque_limit)
 
 
 def test_an_axis_that_hardly_carries_load_counts_no_accuracy() -> None:

@@ -107,9 +107,11 @@ def test_an_estimate_at_the_edge_of_its_search_is_named_with_value_and_bound(
 ) -> None:
     edge = Edge(axis=2, what="lag of the torque", value=12.0, bound=12.0, unit="ms")
     model = replace(arm_model(), edges=(edge,))
+    both = replace(model, edges=(edge, edge.model_copy(update={"axis": 3})))
+    assert words(both)[0][1].startswith("axes 2, 3: lag of the torque 12.0 ms, at the limit")
     assert (
         "doubtful",
-        "axis 2: lag of the torque 12.0 ms, at the limit of the search range, 12.0 ms",
+        "axis 2: lag of the torque 12.0 ms, at the limit of the search range",
     ) in words(model)
     model.save(tmp_path / "model.yaml")
     assert Model.load(tmp_path / "model.yaml").edges == (edge,)
