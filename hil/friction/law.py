@@ -273,6 +273,7 @@ def friction_torque(
     load: Array,
     directions: Sequence[Direction] | None = None,
     warmth: Array | None = None,
+    change: Array | None = None,
 ) -> Array:
     """Return the torque of friction and ripple, shape of `q` [N m or N].
 
@@ -290,6 +291,8 @@ def friction_torque(
     warmth : ndarray, shape of `q`, optional
         Warmth of the gears; by default the reference of each law. Warmth has no effect on axes
         without an identified warmth.
+    change : ndarray, shape (n, n_joints), optional
+        Relative changes of the friction level (`level_along`).
     """
     q_rows, qd_rows, loads, warm = _rows(robot, q, qd, load, warmth)
     if directions is None:
@@ -325,7 +328,8 @@ def friction_torque(
                 most = np.maximum(*bounds)
                 level = np.clip(level, -most, most)
             other = columns[:, ~each.directed] @ each.values[~each.directed]
-            found[:, axis] = other + each.factor(_axis_warmth(warm, axis)) * level
+            more = 0.0 if change is None else change[:, axis]
+            found[:, axis] = other + (each.factor(_axis_warmth(warm, axis)) + more) * level
         if law.coupled:
             shared = np.array([part.value for part in law.motor_terms])
             found[:, axis] += coupled_friction(robot, qd_rows, axis) @ shared
@@ -370,8 +374,8 @@ def friction_variance(
     return found.clip(0.0).reshape(np.shape(q))
 
 
-def level_along(law: FrictionLaw, past: History, time: Array) -> Array:
-    """Compute the uncertainty of each axis's friction level at instants of a history.
+def level_along(law: FrictionLaw, past: History, time: Array) -> tuple[Array, Array]:
+    """Compute the change of each axis's friction level at instants of a history.
 
     Parameters
     ----------
@@ -382,14 +386,17 @@ def level_along(law: FrictionLaw, past: History, time: Array) -> Array:
 
     Returns
     -------
-    ndarray, shape (n, n_joints)
-        Relative standard deviation of the level; NaN for axes without an exposure.
+    change : ndarray, shape (n, n_joints)
+        Relative change of the level, known in motions that the law's measurements cover; else 0.
+    deviation : ndarray, shape (n, n_joints)
+        Relative standard deviation about this level; NaN for axes without an exposure.
     """
-    found = np.full((len(time), len(law.axes)), np.nan)
+    change, deviation = np.zeros((2, len(time), len(law.axes)))
+    deviation[:] = np.nan
     for axis, each in enumerate(law.axes):
         if each is not None and each.exposure is not None:
-            found[:, axis] = each.exposure.level_along(past, axis, time)
-    return found
+            change[:, axis], deviation[:, axis] = each.exposure.level_along(past, axis, time)
+    return change, deviation
 
 
 def level_anywhere(law: FrictionLaw, *, warmth_stated: bool = False) -> Array:

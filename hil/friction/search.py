@@ -22,8 +22,15 @@ import numpy as np
 
 from hil.friction.direction import Direction
 from hil.friction.law import AxisLaw, TermValue
-from hil.friction.terms import CLASSICAL, DIRECTED, LAWS, USUAL, friction_columns
-from hil.friction.warmth import Exposure, deviations, find_warmth, squared_errors, states_at
+from hil.friction.terms import CLASSICAL, LAWS, USUAL, friction_columns
+from hil.friction.warmth import (
+    Exposure,
+    deviations,
+    find_warmth,
+    lost_degrees,
+    squared_errors,
+    states_at,
+)
 from hil.least_squares.choice import HeldOut, simplest
 from hil.least_squares.regression import Regression
 
@@ -83,8 +90,8 @@ def axis_law(
         values, covariance = warm.values, warm.covariance
     plain, away, exposure = _fit(measured, CLASSICAL), deviations(own, values), None
     if past is not None and np.isfinite(past.speed[:, axis]).all():
-        level = sum(term in DIRECTED for term in terms)
-        exposure = Exposure.compute(states_at(past, axis, time), away, level)
+        states = states_at(past, axis, time)
+        exposure = Exposure.compute(states, away, lost_degrees(own, values))
     shape = float(squared_errors(own, values, 1.0 + away).sum()) - noise
     return AxisLaw(
         law=law,

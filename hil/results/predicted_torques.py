@@ -1,6 +1,8 @@
 """Predicted and recorded torques of a recording.
 
 The prediction uses the model alone, including its law of friction, as torque feed-forward does.
+With a motion history, the level of friction follows the course of warming in the measurements of
+the law where these cover the motion (`hil.friction.warmth`).
 
 Methods for strokes and trajectories fit friction anew in every measurement. For their models the
 rigid bodies are judged in addition: friction is fitted in the recording itself, motion by motion
@@ -79,9 +81,11 @@ def predicted_torques(
                 continue
             s = signals(recording)
             state = s.q, s.qd, inverse_dynamics(robot, model.values, s.q, s.qd, s.qdd)
-            level = level_anywhere(law) if past is None else level_along(law, past, s.time)
+            change, level = None, level_anywhere(law)
+            if past is not None:
+                change, level = level_along(law, past, s.time)
             variance = friction_variance(robot, law, *state, level=level)
-            own = friction_torque(robot, law, *state), variance
+            own = friction_torque(robot, law, *state, change=change), variance
             for stretch in stack(robot, motion, s):
                 for axis in stretch:
                     yield _predict_axis(model, motion.id, axis, s, own)

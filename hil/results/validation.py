@@ -343,7 +343,7 @@ def _uncovered(
     if law.exposure is None:
         return "; ".join(said)
     if past is not None and not law.exposure.covers(past, axis):
-        most = TWICE * _rms(law.exposure.level_along(past, axis, time))
+        most = TWICE * _rms(law.exposure.level_along(past, axis, time)[1])
         said.append(f"warmer or colder: friction may differ by {most:.0%} (assumed)")
     # mean over both directions, in which gravity and asymmetric friction cancel
     level, _ = level_at(law, float(np.clip(speed.mean(), low, high)))

@@ -2,13 +2,29 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
-from hil.friction.law import AxisLaw, FrictionLaw, TermValue, friction_variance, level_along
+from hil.friction.law import (
+    AxisLaw,
+    FrictionLaw,
+    TermValue,
+    friction_torque,
+    friction_variance,
+    level_along,
+)
 from hil.friction.search import axis_law
 from hil.friction.terms import OF_SPEED
-from hil.friction.warmth import COLD_TO_WARM, COURSES, Exposure, History, states_at
+from hil.friction.warmth import (
+    COLD_TO_WARM,
+    COURSES,
+    Exposure,
+    History,
+    lost_degrees,
+    states_at,
+)
 from hil.least_squares.blocks import Blocks
 from hil.model.robot import Robot
 
@@ -115,7 +131,7 @@ def test_the_less_an_axis_has_gone_through_what_its_law_saw_the_wider_the_interv
     moving = History(end, np.full((len(end), 1), 0.5), 0.0)
     axis = law(0.1 * LIMIT, resting)
     alike, unlike = (
-        level_along(FrictionLaw(axes=(axis,)), past, end)[:, 0] for past in (resting, moving)
+        level_along(FrictionLaw(axes=(axis,)), past, end)[1][:, 0] for past in (resting, moving)
     )
     assert (np.diff(unlike) > 0).all()
     assert unlike[-1] > 3 * alike[-1]
@@ -143,7 +159,18 @@ def test_a_motion_through_the_states_of_the_measurements_is_covered_and_a_faster
     assert found.covers(past, 0)
     faster = History(end, np.full((len(end), 1), 0.9), 0.0)
     assert not found.covers(faster, 0)
-    assert found.level_along(faster, 0, end)[-1] > found.level_along(past, 0, end)[-1]
+    assert found.level_along(faster, 0, end)[1][-1] > found.level_along(past, 0, end)[1][-1]
+
+
+def test_a_motion_that_ends_in_known_states_but_leads_through_others_is_not_covered() -> None:
+    warm = History(
+        np.array([600.0, *(600.0 + 60.0 * np.arange(1, 41))]), np.full((41, 1), 0.3), 0.0
+    )
+    states, rng = states_at(warm, 0, warm.end[1:]), np.random.default_rng(3)
+    found = Exposure.compute(states, 0.002 * rng.standard_normal(40), 1.0)
+    cold = History(warm.end[-1:], np.full((1, 1), 0.3), 0.0)
+    assert found.unexplored(states_at(cold, 0, cold.end)) < found.left
+    assert not found.covers(cold, 0)
 
 
 def test_what_measurements_left_open_agrees_with_the_posterior_of_independent_slopes() -> None:
@@ -166,11 +193,41 @@ def test_intervals_of_a_repeated_motion_have_the_width_of_what_the_measurements_
     found = Exposure.compute(states, change + 0.01 * rng.standard_normal(len(end)), 2)
     assert found.left == pytest.approx(0.01, rel=0.25)
     assert found.covers(past, 0)
-    u = found.level_along(past, 0, end)
+    predicted, u = found.level_along(past, 0, end)
     again = change + 0.01 * rng.standard_normal(len(end))
-    assert 0.9 <= np.mean(np.abs(again) <= 1.96 * u) <= 1.0
-    assumed = found.deviation(found.distance(states))
-    assert np.sqrt(np.mean(u**2)) < 0.7 * np.sqrt(np.mean(assumed**2))
+    assert 0.9 <= np.mean(np.abs(again - predicted) <= 1.96 * u) <= 1.0
+    assert np.sqrt(np.mean(u**2)) < 0.015
+
+
+def test_friction_of_a_repeated_motion_follows_the_course_of_its_level(robot: Robot) -> None:
+    end = 60.0 * np.arange(1, 21)
+    past, warming = History(end, np.full((20, 1), 0.3), 0.0), 1.0 - 0.01 * np.arange(20)
+    levels = tuple((warming + np.resize([0.01, -0.01], 20)).tolist())
+    middle, speeds = end - 30.0, (0.03 * LIMIT, 0.9 * LIMIT)
+    found = axis_law(blocks(speeds[0], levels), LIMIT, speeds, middle, past, 0)
+    alone, v = FrictionLaw(axes=(found,)), np.full((20, 1), 0.5 * LIMIT)
+    change, _ = level_along(alone, past, middle)
+    friction = friction_torque(robot, alone, 0 * v, v, 0 * v, change=change)[:, 0]
+    assert friction == pytest.approx(degressive(v[0])[0] * warming, rel=0.02)  # 0.1 without
+
+
+def test_measurements_at_the_same_speeds_lose_one_degree_to_a_law_of_several_terms() -> None:
+    levels, values = blocks(0.03 * LIMIT).only((), ("Coulomb", "viscous")), np.array([9.0, 7.0])
+    assert lost_degrees(levels, values) == pytest.approx(1.0)
+    rng = np.random.default_rng(6)
+    rows = [(np.ones(9), np.full(9, speed)) for speed in np.linspace(0.05, 0.9, 8)]
+    products = []
+    for terms in rows:
+        whole = np.column_stack([0.0 * terms[0], *terms])
+        products.append(whole.T @ whole)
+    slow_and_fast = replace(levels, products=np.array(products)[:, np.newaxis])
+    lost = lost_degrees(slow_and_fast, values)
+    # degrees lost by Monte Carlo: squared deviations of levels with independent changes
+    X, true = np.array(rows)[:, :, 0], rng.standard_normal((20000, 8))
+    level = X @ values
+    hat = X @ np.linalg.pinv(X)
+    left = (true * level - (true * level) @ hat) / level
+    assert 8 - lost == pytest.approx(np.mean(np.sum(left * true, axis=1)), rel=0.02)
 
 
 def test_levels_without_scatter_have_finite_intervals() -> None:
@@ -179,7 +236,7 @@ def test_levels_without_scatter_have_finite_intervals() -> None:
     states = states_at(past, 0, end)
     for deviations in (np.zeros(4), states[:, 4] - states[:, 4].mean()):
         found = Exposure.compute(states, deviations, 2)
-        assert np.isfinite(found.level_along(past, 0, end)).all()
+        assert np.isfinite(found.level_along(past, 0, end)[1]).all()
 
 
 def test_files_of_earlier_versions_cover_no_motion_to_another_warmth() -> None:
