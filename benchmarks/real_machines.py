@@ -7,10 +7,10 @@ weighted least squares, for the recordings of the fit and for held-out ones, by 
 The bounds of the ratio are 1.05 overall and 1.2 on any axis. Intervals (95 %) are those of a
 bootstrap over pieces of ten periods of the cut-off; for held-out recordings they also contain the
 scatter by the recordings of the fit, a jackknife over a twelfth of these with laws and presliding
-unchanged. Trained on 10 s, ratios above the bounds are chance: UR10, its short recording, 1.26
-overall (0.19 to 8.6), KR300 2.45 on axis 6 (0.7 to 8.7); so are the Rokae's, 1.15 on axis 3
-(motors, 0.6 to 2.3) and 1.29 on axis 5 (sensors, 0.9 to 1.8). All come from presliding, which other
-recordings of the same robots need: without it KR300 has 1.06 in place of 0.89 overall.
+unchanged. No ratio above the bounds is distinguishable from 1: trained on 10 s, UR10 has 1.26
+overall (0.19 to 8.6) and KR300 2.45 on axis 6 (0.7 to 8.7); the Rokae has 1.15 on axis 3 (motors,
+0.6 to 2.3) and 1.29 on axis 5 (sensors, 0.9 to 1.8). They come mainly from presliding, which other
+recordings of these robots need: without it KR300 has 1.06 in place of 0.89 overall.
 
     python benchmarks/real_machines.py figures FOLDER
 
