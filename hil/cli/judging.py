@@ -46,6 +46,7 @@ from hil.terminal.console import give, out, say, working
 
 if TYPE_CHECKING:
     from hil.commands.fleet import Runs
+    from hil.show.outcome import Outcome
 
 
 commands = typer.Typer()
@@ -363,12 +364,7 @@ def _finish(found: Runs, sentence: str) -> None:
 @fleet_commands.command()
 def query(path: Index, rate: Rate = 0.5) -> None:
     """List machines that deviate from their own past or from the fleet."""
-    with working("testing all machines"):
-        from hil.commands.fleet import ask
-        from hil.results.fleet_index import read_fleets
-
-        found = ask(read_fleets(path), rate)
-    show(found)
+    show(_tested(path, rate))
 
 
 @fleet_commands.command()
@@ -383,9 +379,12 @@ def page(
     rate: Rate = 0.5,
 ) -> None:
     """Write a page of the deviating machines, with their quantities over time."""
+    write_page(output, _tested(path, rate))
+
+
+def _tested(path: Path, rate: float) -> Outcome:
     with working("testing all machines"):
         from hil.commands.fleet import ask
         from hil.results.fleet_index import read_fleets
 
-        found = ask(read_fleets(path), rate)
-    write_page(output, found)
+        return ask(read_fleets(path), rate)
