@@ -239,8 +239,11 @@ def _found(
     if not stacks:
         return directly_driven(robot)
 
+    def excited(equations: Normal) -> tuple[Normal, Array]:
+        return equations, inverse(equations.information, RANK) @ equations.vector
+
     def found(blocks: Blocks, soft: Mask) -> DriveTrain:
-        search = Search(blocks, period * shifts, (EARLIEST, LATEST), solver=_solve_excited)
+        search = Search(blocks, period * shifts, (EARLIEST, LATEST), solver=excited)
         return _read(robot, search, search.settled(replace(all_late, soft=soft)))
 
     all_late = State.start(robot.n_joints, late=True)
@@ -344,11 +347,6 @@ def _transmitted(robot: Robot, p: Array, s: Signals, compliance: Array | float =
         if len(forth) and len(back):
             found[:, axis] -= (forth.mean() - back.mean()) / 2 * direction
     return found
-
-
-def _solve_excited(equations: Normal) -> tuple[Normal, Array]:
-    """Solve without weakly excited combinations of unknowns."""
-    return equations, inverse(equations.information, RANK) @ equations.vector
 
 
 def _read(robot: Robot, search: Search, state: State) -> DriveTrain:

@@ -49,7 +49,6 @@ from hil.estimation.free_motion.description import (
     remarks,
     repeated_torques,
     silent_axes,
-    torque_lags,
 )
 from hil.estimation.free_motion.gathering import gather, gather_rates, rate_regressions
 from hil.estimation.free_motion.positive import least_inertia
@@ -61,7 +60,7 @@ from hil.estimation.free_motion.variants import DEFAULT, VARIANTS
 from hil.estimation.intervals import MANY
 from hil.estimation.options import DEFAULTS
 from hil.estimation.two_step_methods import fill_reached_limits, joint, measured, prepare
-from hil.friction.law import FrictionLaw
+from hil.friction.law import FrictionLaw, TermValue
 from hil.least_squares.balance import Kind, balance
 from hil.least_squares.layout import embedded
 from hil.model.base_parameters import base_parameters
@@ -164,6 +163,7 @@ def estimate_from(
     plain = solve(robot, products, classical, "least squares", *of, silent=bool(silent)).fit
     fit, n = solution.fit, len(gathered.first)
     left = Residuals.compute(gathered, products, fit)
+    lags = zip(gathered.processing.lag, gathered.lag_error, strict=True)
     details = FreeMotionFit(
         cut_off=processing.cut_off,
         band=processing.band,
@@ -198,7 +198,7 @@ def estimate_from(
             ),
         ),
         gains=found_gains(robot, scaling, fit),
-        lag=torque_lags(gathered),
+        lag=tuple(TermValue(value=float(lag), standard_error=float(error)) for lag, error in lags),
         compliance=compliances(robot, processing.soft, fit),
         change=find_change(choice.fitted(products), found.duration),
     )

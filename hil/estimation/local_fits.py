@@ -303,6 +303,10 @@ def _mass_element(
     weight = s.qdd[used, element[1]] ** 2
     weights = np.zeros(len(used))
     weights[used] = Q @ root[0]
+    # of white noise e before the filter h, the error of the sum of a_i (h * e)_i is |h * a|, and
+    # that of one sample |h|
+    one = np.zeros_like(weights)
+    one[len(one) // 2] = 1.0
     return LocalFit(
         measurement=m,
         q=_mean_q(s, used),
@@ -310,7 +314,7 @@ def _mass_element(
         sides=embedded(pr[0], signals.place, n),
         friction=embedded(levels @ pr, signals.place, n),
         gram=embedded(left.T @ left / (len(W) - W.shape[1]), signals.place, n),
-        leverage=s.error_of_sum(weights),
+        leverage=float(np.linalg.norm(s.filtered(weights)) / np.linalg.norm(s.filtered(one))),
         row=weight @ signals.element[used] / weight.sum(),
     )
 

@@ -155,16 +155,6 @@ class Signals:
         filtered: Array = fft.irfft(spectrum * _forth_and_back(n, self.period), n).T
         return filtered[first : first + len(x)]
 
-    def error_of_sum(self, weights: Array) -> float:
-        """Return the standard error of a weighted sum of filtered samples, per sample error.
-
-        For white noise before the filter h, the error of the sum of a_i (h * e)_i is |h * a|, and
-        the error of one sample is |h|.
-        """
-        one = np.zeros_like(weights)
-        one[len(one) // 2] = 1.0
-        return float(np.linalg.norm(self.filtered(weights)) / np.linalg.norm(self.filtered(one)))
-
     def smoothed(self, x: Array) -> Array:
         """Return a weighted mean over a Blackman window along the first axis."""
         return smooth(x, self.period)

@@ -176,8 +176,9 @@ def c_function(name: str, upper: str, function: Function) -> str:
     inputs = [f"const {name}_real {each}[{upper}_JOINTS]" for each in function.arguments]
     named, values = assignments(function.results, c_syntax(name))
     results = [f"r{k}" for k in range(len(values))]
+    used = {each.name.partition("[")[0] for each in needed(function.results)}
     lines = [
-        *(f"(void){each};" for each in _unused(function)),
+        *(f"(void){each};" for each in function.arguments if each not in used),
         *(f"const {name}_real {each} = {value};" for each, value in named.items()),
         *(f"const {name}_real {r} = {v};" for r, v in zip(results, values, strict=True)),
         *(f"out[{k}] = {each};" for k, each in enumerate(results)),
@@ -188,12 +189,6 @@ def c_function(name: str, upper: str, function: Function) -> str:
         f"static inline void {name}_{function.name}(\n"
         f"    {', '.join(inputs)},\n    {name}_real out[{size}])\n{{\n{body}\n}}\n"
     )
-
-
-def _unused(function: Function) -> list[str]:
-    """Return arguments without influence on the results."""
-    used = {each.name.partition("[")[0] for each in needed(function.results)}
-    return [argument for argument in function.arguments if argument not in used]
 
 
 def c_comment(lines: tuple[str, ...]) -> str:

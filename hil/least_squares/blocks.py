@@ -240,16 +240,6 @@ class Blocks:
             v[:, own] += part.v[:, k:]
         return Normal(N, v, self.products[:, :, 0, 0] @ weights)
 
-    @property
-    def channel_equations(self) -> Normal:
-        """Unweighted normal equations by channel instead of by group."""
-        layout, total = self.layout, self.products.sum(axis=0)
-        products = np.zeros((self.n_channels, 1 + layout.size, 1 + layout.size))
-        for channel, owner in enumerate(self.owner.tolist()):
-            at = np.concatenate([[0], 1 + layout.place(owner)])
-            products[channel, at[:, np.newaxis], at] = total[channel]
-        return Normal.split(products)
-
     def squares_left(self, x: Array) -> Array:
         """Compute squared residuals of a solution `x`, shape (n_groups, n_channels)."""
         left, layout = np.zeros(self.counts.shape), self.layout

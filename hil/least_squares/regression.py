@@ -45,7 +45,7 @@ from scipy import special
 
 from hil.errors import InvalidArray
 from hil.least_squares.layout import embedded
-from hil.least_squares.normal_equations import reweighted
+from hil.least_squares.normal_equations import Normal, reweighted
 from hil.least_squares.solving import condition, inverse, inverse_root, solved
 from hil.least_squares.uncertainty import (
     Solved,
@@ -62,7 +62,6 @@ if TYPE_CHECKING:
     from hil.arrays import Array, Indices
     from hil.least_squares.blocks import Blocks
     from hil.least_squares.layout import Layout
-    from hil.least_squares.normal_equations import Normal
 
 Solver = Callable[["Normal"], "tuple[Normal, Array]"]
 """Solver that weights and solves the groups' equations."""
@@ -119,7 +118,13 @@ class Regression:
         """
         if kept is None:
             kept = np.arange(blocks.layout.size)
-        channels = blocks.channel_equations.only(kept)
+        # unweighted normal equations by channel instead of by group
+        layout, total = blocks.layout, blocks.products.sum(axis=0)
+        products = np.zeros((blocks.n_channels, 1 + layout.size, 1 + layout.size))
+        for channel, owner in enumerate(blocks.owner.tolist()):
+            at = np.concatenate([[0], 1 + layout.place(owner)])
+            products[channel, at[:, np.newaxis], at] = total[channel]
+        channels = Normal.split(products).only(kept)
         counts, heard = np.maximum(blocks.counts.sum(axis=0), 1.0), channels.square > 0
         squares = np.where(heard, channels.square, 1.0)
         # lower bound of a residual variance: rounding error of the torque

@@ -108,7 +108,9 @@ def transfers(robot: Robot) -> list[tuple[Array, list[int]]]:
         rate = parameter_rate(generator)
         felt = _krylov(felt @ parameter_map(pose), rate)
         own = np.array([v @ UNIT_INERTIAS @ axis for v in velocities])
-        found.append(_echelon(_null_space(np.vstack([felt @ rate, own]))))
+        # an orthonormal basis of the null space, as rows
+        rows = np.vstack([felt @ rate, own])
+        found.append(_echelon(np.linalg.svd(rows)[2][len(_span(rows)) :]))
         spans[joint] = velocities, _span(np.vstack([felt, own]))
     return found
 
@@ -131,11 +133,6 @@ def _span(rows: Array) -> Array:
     _, values, basis = np.linalg.svd(rows, full_matrices=False)
     spanning: Array = basis[values > ROUNDED_OFF * values.max(initial=0.0)]
     return spanning
-
-
-def _null_space(rows: Array) -> Array:
-    """Compute an orthonormal basis of the null space of `rows`, as rows."""
-    return np.linalg.svd(rows)[2][len(_span(rows)) :]
 
 
 def _echelon(basis: Array) -> tuple[Array, list[int]]:

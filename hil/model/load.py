@@ -50,11 +50,6 @@ class LoadColumns:
         return self.K @ self.free
 
     @property
-    def massless_columns(self) -> Array:
-        """Columns of `free` without the mass."""
-        return self.free[:, self.free[MASS] == 0]
-
-    @property
     def dark(self) -> tuple[str, ...]:
         """Present parameters without effect on any base parameter."""
         lit = np.abs(self.free).max(axis=1) > 0

@@ -21,7 +21,7 @@ from contextlib import suppress
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Mapping, Sequence
+    from collections.abc import Mapping, Sequence
 
     import numpy as np
     from numpy.typing import NDArray
@@ -221,7 +221,8 @@ def text(row: Combination, head: int, names: Sequence[str]) -> str:
         for places in ([together] if monomial or abs(weight) != 1 else [[k] for k in together])
     ]
     terms = [_term(m, w, [names[order[k]] for k in places]) for _, places, w, m in sorted(pieces)]
-    return _signed_sum(terms) or "0"
+    joined = "".join((" - " if negative else " + ") + term for negative, term in terms)
+    return ("-" + joined[3:] if joined.startswith(" - ") else joined[3:]) or "0"
 
 
 def _term(monomial: Monomial, weight: float, names: Sequence[str]) -> tuple[bool, str]:
@@ -230,8 +231,3 @@ def _term(monomial: Monomial, weight: float, names: Sequence[str]) -> tuple[bool
     powers = Counter(monomial).items()  # such as l1^2 l2
     lengths = [name if power == 1 else f"{name}^{power}" for name, power in powers]
     return weight < 0, " ".join(part for part in (size, *lengths, what) if part)
-
-
-def _signed_sum(terms: Iterable[tuple[bool, str]]) -> str:
-    joined = "".join((" - " if negative else " + ") + term for negative, term in terms)
-    return "-" + joined[3:] if joined.startswith(" - ") else joined[3:]

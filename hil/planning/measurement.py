@@ -305,12 +305,6 @@ ELEMENT_KINDS: dict[str, ElementKind] = {
 """Kinds that show elements of g(q) or M(q)."""
 
 
-def describe_measurement(measurement: Measurement) -> tuple[str, str]:
-    """Describe the visible motion of a measurement, and the content of the torques."""
-    kind, axes = KINDS[measurement.kind], [axis + 1 for axis in measurement.moved]
-    return kind.seen.format(axis=axes[0], partner=axes[-1]), kind.shows
-
-
 def shows_element(measurement: RecordedMotion) -> TypeGuard[ElementMeasurement]:
     """Return True if a measurement shows an element of g(q) or M(q)."""
     return measurement.kind in ELEMENT_KINDS

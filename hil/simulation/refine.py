@@ -48,7 +48,7 @@ from hil.simulation.arm import Arm, Indefinite
 from hil.simulation.replay import INITIAL, Lanes, possible
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Sequence
+    from collections.abc import Sequence
 
     from hil.arrays import Array, Indices
     from hil.results.model import Model
@@ -231,7 +231,12 @@ class Simulations:
         """
         residuals, changes = [], []
         skip = INITIAL - INITIAL // 2
-        for group in _alike([self.lanes.starts[lane].time for lane in lanes.tolist()]):
+        # lanes of equal number and period of samples are simulated together
+        kinds: dict[tuple[int, float], list[int]] = {}
+        for k, lane in enumerate(lanes.tolist()):
+            time = self.lanes.starts[lane].time
+            kinds.setdefault((len(time), round(float(np.median(np.diff(time))), 6)), []).append(k)
+        for group in map(np.array, kinds.values()):
             own = lanes[group]
             times = [self.lanes.starts[lane].time for lane in own.tolist()]
             h = float(np.median(np.diff(times[0])))
@@ -293,14 +298,6 @@ class Simulations:
                     share = np.clip(jump[axis] / a, -1.0, 0.0) / jump[axis] if jump[axis] else 0.0
                 v[lane] += share * jump[:, None] * v[lane, axis]
         return found
-
-
-def _alike(times: Sequence[Array]) -> Iterable[Indices]:
-    """Yield the indices of times of the same number and period of samples."""
-    kinds: dict[tuple[int, float], list[int]] = {}
-    for k, time in enumerate(times):
-        kinds.setdefault((len(time), round(float(np.median(np.diff(time))), 6)), []).append(k)
-    return (np.array(each) for each in kinds.values())
 
 
 def _linearised(model: Model, q: Array, qd: Array, qdd: Array) -> tuple[Array, Array, Array]:

@@ -253,7 +253,12 @@ def _scalar(robot: Robot, name: str, link: int, own: Array, constant: float) -> 
 def _motors(robot: Robot) -> Iterator[Condition]:
     """Yield conditions on the motors' share of the mass matrix, by group of coupled joints."""
     added = added_inertias(robot)
-    for joints in _turning_together(robot):
+    # joints with coupled motors are one group
+    groups = [[j] for j in range(robot.n_joints)]
+    for coupling in robot.couplings:
+        tied = [g for g in groups if coupling.motor in g or coupling.joint in g]
+        groups = [g for g in groups if g not in tied] + [sorted(j for g in tied for j in g)]
+    for joints in sorted(groups):
         own = added[np.ix_(range(len(added)), joints, joints)]
         if not own.any():
             continue
@@ -262,12 +267,3 @@ def _motors(robot: Robot) -> Iterator[Condition]:
         named = " and ".join(str(j + 1) for j in joints)
         constant = np.diag(robot.reflected_inertia[joints])
         yield Condition(f"rotor of joint {named}", weights, constant)
-
-
-def _turning_together(robot: Robot) -> list[list[int]]:
-    """Group joints by coupled motors; an uncoupled joint is a group of its own."""
-    groups = [[j] for j in range(robot.n_joints)]
-    for coupling in robot.couplings:
-        tied = [g for g in groups if coupling.motor in g or coupling.joint in g]
-        groups = [g for g in groups if g not in tied] + [sorted(j for g in tied for j in g)]
-    return sorted(groups)

@@ -43,17 +43,14 @@ def moderated(phi: Array, degrees: Array, correlation: Array) -> Common:
     covariance = np.outer(error, error) * correlation
     shared = float(covariance.mean())
     beyond = float(np.var(e)) - (float(np.diag(covariance).mean()) - shared)
-    d = 2.0 * _inverse_trigamma(shared + max(beyond, 0.0))
-    return Common(float(np.exp(e.mean() + special.digamma(d / 2) - np.log(d / 2))), d)
-
-
-def _inverse_trigamma(y: float) -> float:
-    """Solve ``trigamma(x) = y`` by Newton's method (Smyth 2004, appendix)."""
+    # solve trigamma(x) = y by Newton's method (Smyth 2004, appendix)
+    y = shared + max(beyond, 0.0)
     x = 0.5 + 1.0 / y
     for _ in range(20):  # the iteration converges from below in a few steps
         value = float(special.polygamma(1, x))
         x += value * (1.0 - value / y) / float(special.polygamma(2, x))
-    return x
+    d = 2.0 * x
+    return Common(float(np.exp(e.mean() + special.digamma(d / 2) - np.log(d / 2))), d)
 
 
 def dispersion(left: Array, shares: Array, information: Array) -> tuple[Array, Array]:

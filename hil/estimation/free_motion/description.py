@@ -100,12 +100,6 @@ def _one_way(products: Products, fit: Fit) -> dict[int, OneWay]:
     return found
 
 
-def torque_lags(gathered: Gathered) -> tuple[TermValue, ...]:
-    """Return the torque lag of every axis."""
-    both = zip(gathered.processing.lag, gathered.lag_error, strict=True)
-    return tuple(TermValue(value=float(lag), standard_error=float(error)) for lag, error in both)
-
-
 def compliances(robot: Robot, soft: Sequence[int], fit: Fit) -> dict[int, TermValue]:
     """Return the compliances of the soft gears, by axis from 1."""
     places = {axis + 1: fit.layout.index(compliance_names(robot)[axis]) for axis in soft}

@@ -14,6 +14,7 @@ import numpy as np
 from scipy import special
 
 from hil.errors import NotEnoughData
+from hil.estimation.condensed import ROTOR, drive_torques
 from hil.estimation.free_motion.accumulation import division, recorded_products, too_short
 from hil.estimation.free_motion.choice import (
     choose,
@@ -27,7 +28,6 @@ from hil.estimation.free_motion.motion import filtered_motion
 from hil.estimation.free_motion.nuisances import find_nuisances
 from hil.estimation.free_motion.scaling import (
     Scaling,
-    effect_of_drives,
     first_scaling,
     gain_name,
     linearise,
@@ -147,7 +147,15 @@ class Gathered:
     @property
     def effect(self) -> Array:
         """Change of the base parameters per relative change of torque constants, then rotors."""
-        return effect_of_drives(self.recorded, self.scaling, self.choice)[: len(self.first)]
+        scaling, choice = self.scaling, self.choice
+        whole = self.recorded.pieces[choice.slowest].total
+        regression = choice.regression(scaling.applied(whole))
+        # an unknown gain is estimated, and absorbs a change of the torque constant
+        columns = scaling.columns(whole.layout)
+        # a torque constant scales the recorded signal, including the torque of rotors
+        torques = scaling.signal(whole.layout), drive_torques(whole)[1]
+        effects = [regression.moved(whole.recast(each, columns, (ROTOR,))) for each in torques]
+        return np.hstack(effects)[: len(self.first)]
 
     def rescaled(self, fit: Fit) -> Gathered:
         """Return a copy with the unknown gains of a fit and a new linearisation."""

@@ -43,7 +43,7 @@ from typing import TYPE_CHECKING, TypeVar
 import numpy as np
 
 from hil.errors import NotIdentifiable
-from hil.estimation.condensed import ROTOR, drive_torques
+from hil.estimation.condensed import ROTOR
 from hil.estimation.free_motion.accumulation import Products
 from hil.estimation.free_motion.choice import kept_by, usual
 from hil.estimation.free_motion.result import GainValue
@@ -371,26 +371,3 @@ def found_gains(robot: Robot, scaling: Scaling, fit: Fit) -> tuple[GainValue, ..
         )
         for axis, value, each in zip(scaling.unknown, values, error, strict=True)
     )
-
-
-def effect_of_drives(recorded: Products, scaling: Scaling, choice: Choice) -> Array:
-    """Return the change of the unknowns per relative change of drive values.
-
-    The drive values are torque constants, then rotor inertias. An unknown gain is estimated, and
-    absorbs a change of the torque constant.
-
-    Parameters
-    ----------
-    recorded : Products
-        By `hil.estimation.free_motion.accumulation.recorded_products`.
-
-    Returns
-    -------
-    ndarray, shape (n, 2 n_joints)
-    """
-    whole = recorded.pieces[choice.slowest].total
-    regression, columns = choice.regression(scaling.applied(whole)), scaling.columns(whole.layout)
-    # a torque constant scales the recorded signal, including the torque of rotors
-    torques = scaling.signal(whole.layout), drive_torques(whole)[1]
-    effects = [regression.moved(whole.recast(each, columns, (ROTOR,))) for each in torques]
-    return np.hstack(effects)

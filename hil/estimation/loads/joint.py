@@ -383,7 +383,7 @@ def fit_load(
     load = load_columns(robot)
     known, free = np.zeros(10), load.free
     if mass is not None:
-        known[MASS], free = mass, load.massless_columns
+        known[MASS], free = mass, load.free[:, load.free[MASS] == 0]
     terms = Terms(load.K @ known, load.K @ free, "load")
     change = terms.known
     before: list[Evidence] = []

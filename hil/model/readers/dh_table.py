@@ -223,7 +223,11 @@ def convert_table(text: str, source: str) -> str:
         A header without the columns or their units, or a row of another length.
     """
     lines = text.splitlines()
-    used = [(k, line) for k, line in enumerate(lines) if _is_row(line)]
+    used = [
+        (k, line)
+        for k, line in enumerate(lines)
+        if line.strip(" \t,;") and not line.lstrip().startswith(_COMMENT)
+    ]
     if len(used) > 1 + MOST_JOINTS:
         raise FileError(
             f"{source}:{used[1 + MOST_JOINTS][0] + 1}: {len(used) - 1} rows must be at most "
@@ -252,10 +256,6 @@ def convert_table(text: str, source: str) -> str:
         ]
         found[k] = f"  {{{', '.join(pairs)}}},"
     return "\n".join([*found, "]}"])
-
-
-def _is_row(line: str) -> bool:
-    return bool(line.strip(" \t,;")) and not line.lstrip().startswith(_COMMENT)
 
 
 def _cells(line: str, delimiter: str) -> list[str]:

@@ -105,7 +105,11 @@ def robot_as_stated(
     slides = {chain.joints[axis].name for axis in weighed}
 
     def rest(joint: LimitedJoint) -> Iterator[str]:
-        yield from _known_limits(joint)
+        # an unlimited revolute joint gets two turns
+        endless = {"q_min": -FARTHEST, "q_max": FARTHEST}
+        for key, value, _ in _limits(joint):
+            stated = endless.get(key, math.nan) if math.isnan(value) else value
+            yield f"    {key}: {UNKNOWN if math.isnan(stated) else number(stated)}"
         if joint.name in slides:
             yield "    # gravity is constant here: the mass includes the rotor, unless stated"
             yield "    drive: {rotor_inertia: 0, torque_constant: unknown}"
@@ -209,14 +213,6 @@ def _limits_to_state(joint: LimitedJoint) -> Iterator[str]:
     yield f"      gear_ratio: {mark_unstated(f'motor turns per joint turn{per}')}"
     yield f"      rotor_inertia: {mark_unstated('of the motor, 0 for a direct drive [kg m2]')}"
     yield f"      torque_constant: {mark_unstated('of the motor [N m/A]')}"
-
-
-def _known_limits(joint: LimitedJoint) -> Iterator[str]:
-    """Yield the known limits; an unlimited revolute joint gets two turns."""
-    endless = {"q_min": -FARTHEST, "q_max": FARTHEST}
-    for key, value, _ in _limits(joint):
-        stated = endless.get(key, math.nan) if math.isnan(value) else value
-        yield f"    {key}: {UNKNOWN if math.isnan(stated) else number(stated)}"
 
 
 def _limits(joint: LimitedJoint) -> Iterator[tuple[str, float, str]]:
