@@ -56,7 +56,8 @@ def set_output(*, quiet: bool = False, verbose: int = 0, json: bool = False) -> 
     if quiet:
         out.messages = False
     if json:
-        out.begin_json()
+        # collect results for a JSON object; other output goes to standard error
+        out.given, out.stderr = {"tables": []}, True
     if verbose:
         level = logging.INFO if verbose == 1 else logging.DEBUG
         logging.basicConfig(level=level, format="%(levelname)s %(name)s: %(message)s", force=True)
@@ -302,7 +303,8 @@ def main(
     """Run `hil` or `program`; exit status 1 after a message, 2 for wrong usage."""
     out.begin()
     if logging.lastResort is not None:
-        logging.lastResort.addFilter(_is_unnoted)
+        # notes of an error are shown below the error's message
+        logging.lastResort.addFilter(lambda record: not getattr(record, "noted", False))
     try:
         program(None if arguments is None else list(arguments), prog_name=name)
     except OSError as error:
@@ -316,8 +318,3 @@ def main(
             raise
         sys.stderr.write(f"{shown(error.lines)}\n")
         sys.exit(1)
-
-
-def _is_unnoted(record: logging.LogRecord) -> bool:
-    """Return False for a note of an error: notes are shown below the error's message."""
-    return not getattr(record, "noted", False)

@@ -176,6 +176,7 @@ def watch(
         from hil.results.model import loaded
         from hil.results.model_file import file_of
         from hil.results.watch import LEARNING, load_thresholds
+        from hil.runs.run import Run
         from hil.watching.watcher import Watcher, WatchingBus
 
         the_plan, the_robot = load(plan_file, robot_file, workspace)
@@ -204,21 +205,13 @@ def watch(
     finally:
         keep_watch(output, the_plan, watcher, str(file_of(model_path)))
     if watcher.alarms:
-        _show_causes(output / RUN, model_path, watcher.alarms[0].time, len(the_plan.measurements))
+        # one pass of the plan from the first alarm on: a lasting change shows in a whole pass,
+        # while a push is short
+        run, since = Run.open(output / RUN), watcher.alarms[0].time
+        ended = [each.measurement.id for each in run if each.recording.time[-1] < since]
+        later = run.ids[len(ended) + len(the_plan.measurements) :]
+        show_causes(model_path, run.exclude([*ended, *later]))
         raise typer.Exit(Status.ALARMED)
-
-
-def _show_causes(folder: Path, model_path: Path, since: float, most: int) -> None:
-    """Print a diagnosis of the change since the model's recordings, cause by cause.
-
-    The diagnosis uses one pass of the plan from the first alarm on. A lasting change is visible in
-    a whole pass; a push is short.
-    """
-    from hil.runs.run import Run
-
-    run = Run.open(folder)
-    ended = [each.measurement.id for each in run if each.recording.time[-1] < since]
-    show_causes(model_path, run.exclude([*ended, *run.ids[len(ended) + most :]]))
 
 
 def _rounds(plan: Plan, robot: Robot, repeat: int | None, hours: float | None, learn: float) -> int:

@@ -22,8 +22,6 @@ from hil.model.robot import ROBOTS
 from hil.show.table import Column, figures, table
 from hil.show.terminal import show
 from hil.terminal.console import out, say
-from hil.terminal.interruption import interruptible
-from hil.terminal.keys import Keys, TerminalOperator
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
@@ -128,13 +126,6 @@ def real_time_if(wanted: bool, *, lock_step: bool) -> Iterator[tuple[str, ...]]:
         return
     with short_slices(), real_time() if wanted else nullcontext(()) as measures:
         yield measures
-
-
-@contextmanager
-def operator_at_terminal(*, agreed: bool) -> Iterator[TerminalOperator]:
-    """Create an operator who answers and stops at the terminal."""
-    with interruptible(lambda: "stopped; the axes are off"), Keys() as keys:
-        yield TerminalOperator(out, keys, agreed=agreed)
 
 
 def show_changes(drives: DrivesFile, bus: Fieldbus, keeper: SettingsKeeper) -> None:

@@ -305,13 +305,15 @@ def _open_session(
     """Open bus and terminal, and keep the drives' found settings."""
     from hil.cli import bus_access
     from hil.tasks.bus_state import keeper_of_bus
+    from hil.terminal.keys import Keys, TerminalOperator
 
     with (
         bus_access.open_bus(drives_file, drives, where) as bus,
-        bus_access.operator_at_terminal(agreed=agreed) as operator,
+        interruptible(lambda: "stopped; the axes are off"),
+        Keys() as keys,
         keeper_of_bus(where.interface, where.channel) as keeper,
     ):
-        yield bus, operator, keeper
+        yield bus, TerminalOperator(out, keys, agreed=agreed), keeper
 
 
 def _wake_ups(

@@ -92,13 +92,9 @@ Criterion = Literal["condition", "singular", "det"]
 """Optimality criterion of an exciting trajectory."""
 
 
-def _option_for(kinds: str) -> partial[Any]:
-    """Return an option factory with the help panel of some kinds of plan."""
-    return partial(typer.Option, rich_help_panel=f"Options of --kind {kinds}")
-
-
-_strokes, _friction, _trajectory, _load = map(
-    _option_for, ("strokes", "friction", "trajectory", "load")
+_strokes, _friction, _trajectory, _load = (
+    partial[Any](typer.Option, rich_help_panel=f"Options of --kind {kind}")
+    for kind in ("strokes", "friction", "trajectory", "load")
 )
 _count = partial(_strokes, min=1, max=2000)
 """Option for a number of measurements; the bound limits the time for choosing."""

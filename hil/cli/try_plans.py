@@ -62,16 +62,12 @@ def interleave(measurements: Sequence[Measurement]) -> list[Measurement]:
     for each in measurements:
         by_axis.setdefault((each.kind, each.moved), []).append(each)
     placed = [
-        ((k + 0.5) / len(own), each)
+        ((k + 0.5) / len(own), own[i])
         for own in by_axis.values()
-        for k, each in enumerate(own[i] for i in _golden(len(own)))
+        # fractional parts of multiples of the golden section are evenly spread at any length
+        for k, i in enumerate(sorted(range(len(own)), key=lambda i: i * 0.6180339887 % 1.0))
     ]
     return [each for _, each in sorted(placed, key=lambda pair: pair[0])]
-
-
-def _golden(n: int) -> list[int]:
-    # fractional parts of multiples of the golden section are evenly spread at any length
-    return sorted(range(n), key=lambda k: k * 0.6180339887 % 1.0)
 
 
 def pushed_plan(robot: Robot, duration: float) -> tuple[Plan, int]:

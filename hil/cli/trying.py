@@ -158,11 +158,15 @@ def try_(
 
 
 def _measure(robot: Robot, plan: Plan, folder: Path, feed: Feed, speed: float) -> Model:
+    import numpy as np
+
     from hil.cli.measuring import OnBus, measure
+    from hil.live.interim import estimate_line
     from hil.measuring.feeding import PacedBus
     from hil.results import model_file
     from hil.results.findings import identify_and_keep
     from hil.results.identification import method_for
+    from hil.results.prediction import free_torques
     from hil.runs.run import Run
 
     paced = partial(PacedBus, fastest=speed)
@@ -173,28 +177,17 @@ def _measure(robot: Robot, plan: Plan, folder: Path, feed: Feed, speed: float) -
         run = Run.open(folder)
         model = identify_and_keep(run, method_for(run)[0]).model
         model.save(folder / model_file.NAME)
-    for kind, line in _model_lines(robot, model):
-        feed.publish(kind, line)
-    say_verdicts(model.verdict.verdicts if model.verdict else ())
-    return model
-
-
-def _model_lines(robot: Robot, model: Model) -> Iterator[tuple[str, dict[str, object]]]:
-    """Yield the model's intervals and accuracy for the page."""
-    import numpy as np
-
-    from hil.live.interim import estimate_line
-    from hil.results.prediction import free_torques
-
     free = free_torques(model)
     half = model.interval(0.95) @ np.array([-0.5, 0.5])
     known = np.ones(len(half), dtype=bool)
     if free is not None:
         n = model.provenance.measurements
-        yield "estimate", estimate_line(robot, free, n, model.values, half, known)
+        feed.publish("estimate", estimate_line(robot, free, n, model.values, half, known))
     if (left := model.band_residual) is not None:
         share = f"{100 * left.overall:.2g} % of the torque up to {left.band:g} Hz"
-        yield "headline", {"text": f"Identified: residual {share}", "more": IDENTIFIED}
+        feed.publish("headline", {"text": f"Identified: residual {share}", "more": IDENTIFIED})
+    say_verdicts(model.verdict.verdicts if model.verdict else ())
+    return model
 
 
 class _TimeUp(Exception):

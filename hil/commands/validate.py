@@ -61,7 +61,23 @@ def validate(model: Model, model_path: Path, run: Run, accuracy: float) -> Outco
     The outcome has no tables if the run cannot judge the model.
     """
     found = judge(model, run, accuracy)
-    write_validation(run, model, model_path, found)
+    record = ValidationRecord(
+        run=RunStamp.create(run),
+        model=os.path.relpath(model_path, run.path),
+        method=model.method,
+        identified=model.provenance.identified,
+        validated=now(),
+        validation=found,
+    )
+    record.write(run.path)
+    # the judgement in the model file replaces an earlier one by the same run
+    where = os.path.relpath(run.path, model_path.parent)
+    kept = KeptJudgement.judge(
+        found.reasons, lambda: found, run=where, validated=record.validated, relative=found.relative
+    )
+    judged = Model.load(model_path)
+    others = tuple(each for each in judged.validations if each.run != where)
+    replace(judged, validations=(*others, kept)).save(model_path)
     simulated, title = run.journal.simulated, f"{run.robot.name}: validation"
     if not found.axes:
         return Outcome(verdicts=found.verdicts, simulated=simulated)
@@ -82,30 +98,6 @@ def remarks(model: Model, run: Run) -> tuple[str, ...]:
         "the model was identified with this plan: record another motion for a test on "
         "held-out data",
     )
-
-
-def write_validation(run: Run, model: Model, model_path: Path, found: Validation) -> Path:
-    """Write a validation into the folder of the predicted run; return the path of the file.
-
-    The judgement is added to the model file and replaces an earlier one by the same run.
-    """
-    record = ValidationRecord(
-        run=RunStamp.create(run),
-        model=os.path.relpath(model_path, run.path),
-        method=model.method,
-        identified=model.provenance.identified,
-        validated=now(),
-        validation=found,
-    )
-    path = record.write(run.path)
-    where = os.path.relpath(run.path, model_path.parent)
-    kept = KeptJudgement.judge(
-        found.reasons, lambda: found, run=where, validated=record.validated, relative=found.relative
-    )
-    model = Model.load(model_path)
-    others = tuple(each for each in model.validations if each.run != where)
-    replace(model, validations=(*others, kept)).save(model_path)
-    return path
 
 
 def scores(found: Validation, notes: tuple[str, ...] = ()) -> Table:

@@ -50,7 +50,11 @@ def main(folder: str) -> None:
     for names in _batches([*before, first], recorded):
         for name in filter(motions.__contains__, names):
             path = run.recording_path(motions[name])
-            if _is_there(path):
+            # a file is written whole, then renamed
+            ends = time.monotonic() + PATIENCE
+            while not path.exists() and time.monotonic() < ends:
+                time.sleep(0.02)
+            if path.exists():
                 for line in interim.take(motions[name], run.read(motions[name]).recording):
                     if name in not_yet:  # times of earlier sessions are on another clock
                         say("torque", **line)
@@ -80,14 +84,6 @@ def _batches(first: list[str], recorded: SimpleQueue[str | None]) -> Iterator[li
             yield fresh
         if None in names:
             return
-
-
-def _is_there(path: Path) -> bool:
-    """Wait for a recording's file; return True once present (written whole, then renamed)."""
-    ends = time.monotonic() + PATIENCE
-    while not path.exists() and time.monotonic() < ends:
-        time.sleep(0.02)
-    return path.exists()
 
 
 if __name__ == "__main__":

@@ -119,17 +119,13 @@ class Feed:
 
             def take(event: Event) -> None:
                 show(event)
-                self.take_event(event)
+                self.publish("event", lines.event(event, self._pace.left(event), self._numbers))
+                if isinstance(event, Recorded):
+                    found = lines.level(event.measurement, event.recording, self._levels)
+                    if found is not None:
+                        self.publish("level", found)
 
             yield take
-
-    def take_event(self, event: Event) -> None:
-        """Publish an event."""
-        self.publish("event", lines.event(event, self._pace.left(event), self._numbers))
-        if isinstance(event, Recorded):
-            found = lines.level(event.measurement, event.recording, self._levels)
-            if found is not None:
-                self.publish("level", found)
 
     def take_sample(self, sample: Sample, notes: Sequence[str]) -> None:
         """Publish a sample if due, with new notes."""

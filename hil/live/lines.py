@@ -62,7 +62,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from hil.measuring.events import AboutMeasurement
-from hil.planning.measurement import describe_measurement
+from hil.planning.measurement import KINDS
 from hil.terminal.progress import doing, notice
 from hil.view.packed import Track
 from hil.view.visuals import robot_data, workspace_data
@@ -248,7 +248,8 @@ def event(happened: Event, left: float, numbers: Mapping[str, int]) -> Line:
     }
     if isinstance(happened, AboutMeasurement):
         measurement = happened.measurement
-        seen, shows = describe_measurement(measurement)
+        kind, axes = KINDS[measurement.kind], [axis + 1 for axis in measurement.moved]
+        seen, shows = kind.seen.format(axis=axes[0], partner=axes[-1]), kind.shows
         line |= {
             "seen": seen,
             "shows": shows,

@@ -16,7 +16,7 @@ from hil.planning.strokes import REST, Strokes
 from hil.runs.recording import IDLE
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterator
+    from collections.abc import Callable
 
     from hil.arrays import Array, Numbers
     from hil.planning.measurement import RecordedMotion
@@ -38,7 +38,9 @@ def set_points(motion: RecordedMotion, recording: Recording) -> Array | None:
             ),
         ]
         for joint, numbers, profile in moved:
-            strokes = [*_beginnings(numbers)]
+            # first sample and number of the strokes
+            changed = np.flatnonzero(np.diff(numbers, prepend=IDLE)).tolist()
+            strokes = [(k, int(numbers[k])) for k in changed if numbers[k] != IDLE]
             ends = [first for first, _ in strokes[1:]] + [recording.n_samples]
             for (first, number), end in zip(strokes, ends, strict=True):
                 t = recording.time[first:end] - recording.time[first]
@@ -66,9 +68,3 @@ def path_time(recording: Recording, delay: float = 0.0) -> Array:
     period = round(recording.period, 9)
     index: Array = np.rint((recording.time - recording.time[0]) / period)
     return (index + 1 - delay - round(REST / period)) * period
-
-
-def _beginnings(numbers: Numbers) -> Iterator[tuple[int, int]]:
-    """Yield first sample and number of the strokes."""
-    changed = np.flatnonzero(np.diff(numbers, prepend=IDLE))
-    yield from ((int(i), int(numbers[i])) for i in changed if numbers[i] != IDLE)

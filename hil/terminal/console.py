@@ -46,10 +46,6 @@ class Output(Console):
         """Show everything, as at the start of a command."""
         self.messages, self.verbose, self.given, self.stderr = True, False, None, False
 
-    def begin_json(self) -> None:
-        """Collect results for a JSON object; other output goes to standard error."""
-        self.given, self.stderr = {"tables": []}, True
-
     given: dict[str, Any] | None
 
     def print(self, *objects: Any, **how: Any) -> None:

@@ -316,7 +316,8 @@ def visuals(urdf: Path, robot: Robot, meshes: Path | None = None) -> Visuals:
             except FileError as error:
                 left_out.append(f"{error}; left out")
                 continue
-            shapes.append((link, _transform(corners, pose @ reader.origin(visual))))
+            place = pose @ reader.origin(visual)
+            shapes.append((link, corners @ place[:3, :3].T + place[:3, 3]))
     most = _allowance([len(corners) for _, corners in shapes])
     found = [Visual(link, merge_corners(corners, most)) for link, corners in shapes]
     return Visuals(tuple(v for v in found if len(v.mesh.triangles)), (*left_out, *_coarse(found)))
@@ -398,8 +399,3 @@ def _file(stated: str, urdf: Path) -> tuple[Path, Path]:
             if (found := root.joinpath(*rest)).is_file():
                 return found, root
     return urdf.parent.joinpath(package, *rest), urdf.parent
-
-
-def _transform(corners: Array, pose: Array) -> Array:
-    moved: Array = corners @ pose[:3, :3].T + pose[:3, 3]
-    return moved
