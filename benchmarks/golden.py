@@ -187,7 +187,7 @@ def _imports(folder: Path) -> None:
     for name, (case, seed) in TWINS.items():
         if not (folder / f"twin-{name}").exists():
             recorded = record(folder / "recorded", name, case, seed)
-            must(folder, "import", recorded / "seen.yaml", "-o", f"twin-{name}")
+            must(folder, "import", recorded / "seen.yaml", "--files", ROBOTS, "-o", f"twin-{name}")
     example = ROOT / "examples" / "pan_tilt"
     if not (folder / "pan-tilt").exists():
         must(folder, "import", example / "excitation.yaml", "-o", "pan-tilt")
@@ -196,7 +196,7 @@ def _imports(folder: Path) -> None:
         content["files"] = [str(example / each) for each in content["files"]]
         content["joints"][1]["torque"]["gain"] = "unknown"
         (folder / "gain.yaml").write_text(yaml.safe_dump(content))
-        must(folder, "import", "gain.yaml", "-o", "pan-tilt-gain")
+        must(folder, "import", "gain.yaml", "--files", example, "-o", "pan-tilt-gain")
 
 
 def _back_and_forth(folder: Path) -> None:
