@@ -18,7 +18,7 @@ from hil.planning.measurement import FOR_A_LAW, Gravity, Inertia
 from hil.planning.plan import make_plan
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator, Sequence
+    from collections.abc import Sequence
 
     from hil.model.robot import Robot
     from hil.planning.measurement import Measurement
@@ -36,20 +36,19 @@ CYCLES = 2
 def measured_plan(robot: Robot) -> Plan:
     """Create a plan with early information about every parameter, regardless of travel times."""
     counts = {kind: round(SHARE * number) for kind, number in COUNTS.items()}
-    planned = design(robot, counts).measurements
-    return make_plan(robot, interleave([*planned, *_slow_strokes(robot, planned)]))
-
-
-def _slow_strokes(robot: Robot, planned: Sequence[Measurement]) -> Iterator[Gravity]:
-    """Yield strokes at gravity-measurement speed for axes without gravity measurements."""
-    slow = {axis for each in planned if isinstance(each, Gravity) for axis in each.moved}
-    for each in planned:
+    measurements = list(design(robot, counts).measurements)
+    # strokes at gravity-measurement speed for axes without gravity measurements
+    slow = {axis for each in measurements if isinstance(each, Gravity) for axis in each.moved}
+    for each in tuple(measurements):
         axis = each.moved[0]
         if isinstance(each, Inertia) and axis not in slow:
             slow.add(axis)
             motion = gravity_motion(robot, axis)
-            for k in range(FOR_A_LAW):
-                yield Gravity(id=f"s{axis + 1}{k + 1}", axis=axis + 1, q=each.q, **motion)
+            measurements += [
+                Gravity(id=f"s{axis + 1}{k + 1}", axis=axis + 1, q=each.q, **motion)
+                for k in range(FOR_A_LAW)
+            ]
+    return make_plan(robot, interleave(measurements))
 
 
 def interleave(measurements: Sequence[Measurement]) -> list[Measurement]:

@@ -379,12 +379,6 @@ class _Mjcf:
         each = self._model.dof_frictionloss, self._model.dof_damping
         return np.array([[float(x[dof]) for x in each] for dof in self.chain.dofs])
 
-    def _joint_pose(self, body: int) -> Array:
-        """Return the pose of a body in the frame of its joint."""
-        pose = np.eye(4)
-        pose[:3, 3] = -self._model.jnt_pos[self._model.body_jntadr[body]]
-        return pose
-
     def _stated(self, body: int) -> Array:
         """Return the standard parameters of a body in its own frame."""
         model, pose = self._model, np.eye(4)
@@ -411,7 +405,10 @@ class _Mjcf:
                 step = np.eye(4)
                 step[:3, :3], step[:3, 3] = _rotation(model.body_quat[here]), model.body_pos[here]
                 pose, here = step @ pose, int(model.body_parentid[here])
-            pose = self._joint_pose(body) @ pose
+            # the pose of the body in the frame of its joint
+            in_joint = np.eye(4)
+            in_joint[:3, 3] = -self._model.jnt_pos[self._model.body_jntadr[body]]
+            pose = in_joint @ pose
             yield each, pose, parameter_map(pose) @ self._stated(each)
 
     def _total(self, body: int) -> Array:

@@ -144,7 +144,8 @@ def change(
     """
     new, old = run[1], against[1]
     if quantity.kind == "friction level":
-        old = adjust_temperature(old, common)
+        allowance = old.allowance + UNLIKE * abs(common * old.value)
+        old = old._replace(value=old.value * (1.0 + common), allowance=allowance)
     variances = np.array([new.standard_error**2, old.standard_error**2])
     error = float(np.sqrt(variances.sum()))
     freedom = np.array([new.degrees, old.degrees])
@@ -195,12 +196,6 @@ def common_shares(shares: Array, axes: Indices) -> Array:
         common = np.nanmedian(each, axis=0)
     common = np.where(np.isfinite(each).sum(axis=0) < FEWEST, np.nan, common)
     return np.where(np.abs(common) > GREATEST, 0.0, common)
-
-
-def adjust_temperature(level: Reading, common: float) -> Reading:
-    """Scale a level of friction by the common change."""
-    allowance = level.allowance + UNLIKE * abs(common * level.value)
-    return level._replace(value=level.value * (1.0 + common), allowance=allowance)
 
 
 def p_values(size: ArrayLike, allowance: ArrayLike, error: ArrayLike, degrees: ArrayLike) -> Array:

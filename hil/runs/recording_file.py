@@ -96,7 +96,7 @@ def write_measured(path: Path, measured: Measured, robot: Robot) -> None:
         for name, array in arrays.items():
             file.create_dataset(name, data=array).attrs["unit"] = _units(name, robot)
         file.attrs.update(meta)
-        file.attrs["checksum"] = _checksum(arrays, meta)
+        file.attrs["checksum"] = checksum(arrays, meta)
     write_file(path, image.getbuffer())
 
 
@@ -190,7 +190,7 @@ def _decode(path: Path, arrays: dict[str, np.ndarray], attributes: dict[str, obj
             f"{path}: format {meta['format']} must be {min(_EARLIER)} to {FORMAT}; use the"
             " version that wrote it"
         )
-    if attributes["checksum"] != _checksum(arrays, meta):
+    if attributes["checksum"] != checksum(arrays, meta):
         raise FileError(
             f"{path}: content does not match its checksum; {replace_or_leave_out(path)}"
         )
@@ -219,12 +219,8 @@ def _separate_groups(measurement: RecordedMotion, recording: Recording) -> Recor
     return replace(recording, stroke=np.full_like(recording.stroke, IDLE), group=recording.stroke)
 
 
-def checksum_of(recording: Recording) -> str:
-    """Return the digest of a recording's arrays, in hexadecimal."""
-    return _checksum(recording.arrays, {})
-
-
-def _checksum(arrays: dict[str, np.ndarray], meta: dict[str, str | int]) -> str:
+def checksum(arrays: dict[str, np.ndarray], meta: dict[str, str | int]) -> str:
+    """Return the digest of a recording's arrays and attributes, in hexadecimal."""
     digest = hashlib.blake2b()
     for name, array in sorted(arrays.items()):
         little = np.ascontiguousarray(array, dtype=array.dtype.newbyteorder("<"))

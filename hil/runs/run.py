@@ -24,7 +24,7 @@ from hil.runs.atomic_file import file_errors, own_folder, whole_folder, write_fi
 from hil.runs.journal import Journal, read_journal, write_journal
 from hil.runs.recording_file import (
     Measured,
-    checksum_of,
+    checksum,
     read_measured,
     replace_or_leave_out,
     write_measured,
@@ -439,7 +439,7 @@ class MemoryRun(Run):
     def digest_of(self, measurement: RecordedMotion) -> str | None:
         """Return the SHA-256 of a recording's arrays, in hexadecimal; None without a recording."""
         found = self.measured.get(measurement.id)
-        return None if found is None else checksum_of(found.recording)
+        return None if found is None else checksum(found.recording.arrays, {})
 
     @property
     def missing(self) -> tuple[RecordedMotion, ...]:

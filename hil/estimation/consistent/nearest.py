@@ -104,31 +104,8 @@ def likeliest(
     weights = [1.0] * len(bodies) + [1e-3] * len(others)
     slope = np.sum([np.einsum("kkn->n", each.weights) for each in bodies], axis=0)
     inside = [_entered(each, z) for each in (*bodies, *others)]
-    return _newton(list(zip(inside, weights, strict=True)), slope, pull, z)
-
-
-def rescaled(likely: Array, bodies: Array) -> Array:
-    """Return likely bodies with the scale nearest to `bodies`, both of shape (n_joints, 10)."""
-    spatial = mixed = mass = 0.0
-    for expected, body in zip(likely, bodies, strict=True):
-        parts = np.linalg.inv(pseudo_inertia(expected)) * pseudo_inertia(body)
-        spatial += float(parts[:3, :3].sum())
-        mixed += 2.0 * float(parts[:3, 3].sum())
-        mass += float(parts[3, 3])
-    u = (mixed + np.sqrt(mixed**2 + 12.0 * spatial * mass)) / (2.0 * spatial)
-    heavier = (spatial * u**2 + mixed * u + mass) / (4.0 * len(likely))
-    powers = np.array([2.0] * 6 + [1.0] * 3 + [0.0])
-    return np.asarray(heavier * likely * u**-powers)
-
-
-def _entered(block: Inequality, z: Array) -> Inequality:
-    """Widen an inequality by the violation at the start, due to rounding in a solver."""
-    lack = _ROUNDING - float(np.linalg.eigvalsh(block.constant + block.weights @ z)[0])
-    return block._replace(constant=block.constant + max(lack, 0.0) * np.eye(len(block.constant)))
-
-
-def _newton(blocks: _Blocks, slope: Array, pull: Array, z: Array) -> Array:
-    """Minimise ``slope z + pull z^2 / 2 - sum weight log det`` by Newton's method."""
+    # minimise slope z + pull z^2 / 2 - sum weight log det by Newton's method
+    blocks = list(zip(inside, weights, strict=True))
     # maximum number of Newton steps
     for _ in range(200):
         gradient, hessian = slope + pull * z, np.diag(pull)
@@ -157,6 +134,26 @@ def _newton(blocks: _Blocks, slope: Array, pull: Array, z: Array) -> Array:
                 return z
         z = z + length * step
     return z
+
+
+def rescaled(likely: Array, bodies: Array) -> Array:
+    """Return likely bodies with the scale nearest to `bodies`, both of shape (n_joints, 10)."""
+    spatial = mixed = mass = 0.0
+    for expected, body in zip(likely, bodies, strict=True):
+        parts = np.linalg.inv(pseudo_inertia(expected)) * pseudo_inertia(body)
+        spatial += float(parts[:3, :3].sum())
+        mixed += 2.0 * float(parts[:3, 3].sum())
+        mass += float(parts[3, 3])
+    u = (mixed + np.sqrt(mixed**2 + 12.0 * spatial * mass)) / (2.0 * spatial)
+    heavier = (spatial * u**2 + mixed * u + mass) / (4.0 * len(likely))
+    powers = np.array([2.0] * 6 + [1.0] * 3 + [0.0])
+    return np.asarray(heavier * likely * u**-powers)
+
+
+def _entered(block: Inequality, z: Array) -> Inequality:
+    """Widen an inequality by the violation at the start, due to rounding in a solver."""
+    lack = _ROUNDING - float(np.linalg.eigvalsh(block.constant + block.weights @ z)[0])
+    return block._replace(constant=block.constant + max(lack, 0.0) * np.eye(len(block.constant)))
 
 
 def _value(blocks: _Blocks, slope: Array, pull: Array, z: Array) -> float:

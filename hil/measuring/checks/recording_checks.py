@@ -444,29 +444,26 @@ def frozen(recording: Recording, measurement: Measurement, robot: Robot) -> Iter
     """Yield findings of measured axes with a constant torque during motion."""
     moving = recording.active
     for index in measurement.read:
-        yield from _frozen(recording.tau[moving, index], index + 1, robot.torque_unit(index))
-
-
-def _frozen(tau: Array, axis: int, unit: str) -> Iterator[Finding]:
-    # start of the longest run of equal values, and its length
-    changes = np.flatnonzero(np.diff(tau) != 0)
-    edges = np.concatenate(([-1], changes, [len(tau) - 1]))
-    lengths = np.diff(edges)
-    place = int(np.argmax(lengths))
-    begin, longest = int(edges[place]) + 1, int(lengths[place])
-    # longest run explained by chance, estimated outside of the longest run
-    equal = int(np.count_nonzero(np.diff(tau) == 0)) - (longest - 1)
-    share = min(max(equal / max(1, len(tau) - longest), RARE), OFTEN)
-    bound = math.ceil(1 + math.log(CHANCE / len(tau)) / math.log(share))
-    if longest > bound:
-        yield Finding(
-            "current",
-            f"the current of axis {axis} reads {tau[begin]:.4g} {unit} in {longest} consecutive "
-            f"samples, at most {bound} allowed; the sensor is stuck, clipped or too coarse: "
-            "check the drive's current measurement and its range",
-            longest,
-            bound,
-        )
+        tau, unit = recording.tau[moving, index], robot.torque_unit(index)
+        # start of the longest run of equal values, and its length
+        changes = np.flatnonzero(np.diff(tau) != 0)
+        edges = np.concatenate(([-1], changes, [len(tau) - 1]))
+        lengths = np.diff(edges)
+        place = int(np.argmax(lengths))
+        begin, longest = int(edges[place]) + 1, int(lengths[place])
+        # longest run explained by chance, estimated outside of the longest run
+        equal = int(np.count_nonzero(np.diff(tau) == 0)) - (longest - 1)
+        share = min(max(equal / max(1, len(tau) - longest), RARE), OFTEN)
+        bound = math.ceil(1 + math.log(CHANCE / len(tau)) / math.log(share))
+        if longest > bound:
+            yield Finding(
+                "current",
+                f"the current of axis {index + 1} reads {tau[begin]:.4g} {unit} in {longest} "
+                f"consecutive samples, at most {bound} allowed; the sensor is stuck, clipped or too"
+                " coarse: check the drive's current measurement and its range",
+                longest,
+                bound,
+            )
 
 
 ALWAYS: tuple[Check, ...] = (_gaps, _timing, renewal, _saturation, frozen)

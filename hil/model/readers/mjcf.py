@@ -170,8 +170,9 @@ class _Reader:
             k for k, dof in enumerate(dofs, start=1) if stiff[int(self.model.dof_jntid[dof])].any()
         ]
         limited, unknown = drop_placeholders(joints)
+        name = self.text.files[self.text.path].root.get("model") or self.text.path.stem
         return MjcfChain(
-            robot=_model_name(self.text), base=base or "world", tip=", ".join(tips),
+            robot=name, base=base or "world", tip=", ".join(tips),
             joints=limited, parents=tuple(parents), rounded=0.0, mount=np.eye(3), tilting="",
             text=self.text, model=self.model, bodies=tuple(bodies), dofs=tuple(dofs),
             stated_gravity=tuple(self.model.opt.gravity.tolist()), springs=tuple(springs),
@@ -299,7 +300,3 @@ def _pose(position: Array, quaternion: Array) -> Array:
 
 def _limit(limited: int, value: float) -> float:
     return float(value) if limited else np.nan
-
-
-def _model_name(text: MjcfText) -> str:
-    return text.files[text.path].root.get("model") or text.path.stem

@@ -163,16 +163,13 @@ def _shares(
         varying = [True] * len(rows)
     held = [max(1, int(np.any(np.abs(r) > 1e-12, axis=0).sum())) for r in rows]
     shown = [own if varies else 0 for own, varies in zip(held, varying, strict=True)]
-    return _divide(shown, count or usual)
-
-
-def _divide(held: Sequence[int], count: int) -> list[int]:
-    """Divide `count` in proportion to `held`, with a minimum share."""
-    least = min(LEAST_SHARE, count // len(held))
-    spare = count - least * len(held)
-    exact = [spare * h / sum(held) for h in held]
+    # in proportion, with a minimum share
+    total = count or usual
+    least = min(LEAST_SHARE, total // len(shown))
+    spare = total - least * len(shown)
+    exact = [spare * h / sum(shown) for h in shown]
     shares = [least + int(e) for e in exact]
     by_rest = sorted(range(len(exact)), key=lambda j: int(exact[j]) - exact[j])
-    for i in by_rest[: count - sum(shares)]:
+    for i in by_rest[: total - sum(shares)]:
         shares[i] += 1
     return shares
