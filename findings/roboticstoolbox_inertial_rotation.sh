@@ -14,7 +14,7 @@
 # origin and the tensor as it stands and never reads rpy. Torques, accelerations
 # and every simulation of a robot whose file states principal axes are wrong,
 # while its kinematics, masses and gravity torques are right, so tests at
-# standstill pass.
+# standstill pass. Version 1.5.0 reads rpy and gives 0.50 kg m^2 for both files.
 #
 # Documentation: the docstrings of the importer and of Link.I say nothing about
 # the rotation of the inertial frame.
