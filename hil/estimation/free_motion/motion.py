@@ -44,6 +44,11 @@ REACH = 2.0
 """Periods of the cut-off frequency until the filter response is below a hundredth."""
 BANDS = 3.0
 """Cut-off frequency of the positions over that of torque and columns."""
+SAME = 0.1
+"""Largest relative difference of two equal velocities."""
+LAG = 0.5
+"""Largest accepted lag of a recorded velocity, in periods: that of the difference of two samples.
+"""
 ORDER = 4
 """Order of the filter run forth and back."""
 
@@ -325,15 +330,18 @@ def filtered_motion(recording: Recording, processing: Processing, offset: int = 
     period, band = recording.period, processing.band
     rates = Rates.choose(period, processing.cut_off, band)
 
-    def passed(x: Array, derivatives: int) -> tuple[Array, ...]:
+    def passed(x: Array, derivatives: int, ahead: Array | None = None) -> tuple[Array, ...]:
         x = _every_other(x, offset)
-        return low_passed(x, recording.period, processing.cut_off, rates.fine, derivatives)
+        return low_passed(x, recording.period, processing.cut_off, rates.fine, derivatives, ahead)
 
     q, qd, qdd = passed(recording.q, 2)
     if recording.qd is not None:
         taken = processing.recorded_velocity & np.isfinite(recording.qd).all(axis=0)
         if taken.any():
-            qd[:, taken], qdd[:, taken] = passed(recording.qd[:, taken], 1)
+            (recorded,) = passed(of := recording.qd[:, taken], 0)
+            late = velocity_lags(qd[:, taken], qdd[:, taken], recorded)
+            late = late.clip(-LAG * period, LAG * period)  # anything for an axis at rest
+            qd[:, taken], qdd[:, taken] = passed(of, 1, late)
     if processing.rest is not None:
         # the noise of an axis at rest would seem to excite parameters
         still = np.isfinite(processing.rest)
@@ -347,6 +355,19 @@ def filtered_motion(recording: Recording, processing: Processing, offset: int = 
     used[spoilt : len(tau) - spoilt] = True
     telling = np.ones(tau.shape, dtype=bool) if window is None else window[::every] >= 0.5
     return Motion(processing, rates, q, qd, qdd, tau, used, telling, recording, offset, window)
+
+
+def velocity_lags(v: Array, a: Array, recorded: Array) -> Array:
+    """Return the lags of recorded velocities [s], shape (n_joints,): positive if late.
+
+    With derivatives v and a of the position, all low-passed and of shape (n, n_joints), a recorded
+    velocity is scale (v - lag a), by least squares for any scale.
+    """
+    fits = [
+        np.linalg.lstsq(np.stack([own, rate], axis=1), of, rcond=None)[0]
+        for own, rate, of in zip(v.T, a.T, recorded.T, strict=True)
+    ]
+    return np.array([-shift / scale if abs(scale) > SAME else 0.0 for scale, shift in fits])
 
 
 def smooth_positions(recording: Recording, cut_off: float) -> Recording:

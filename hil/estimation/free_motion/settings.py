@@ -16,8 +16,8 @@ The recorded velocity replaces the derivative of the position, joint by joint, i
 stretches,
 
 - both velocities agree: they differ by at most `SAME` of their size;
-- the recorded one lags by at most `LAG` periods, since a lag caused by a filter shifts friction and
-  inertia against the torque. With derivatives v and a of the position, v(t - lag) is v - lag a;
+- the recorded one lags by at most `LAG` periods, which `filtered_motion` compensates: a lag shifts
+  friction and inertia against the torque, and a filter of more lag changes the velocity, too;
 - the recorded one has less noise below the cut-off frequency. Noise is the spectrum near half the
   sampling rate, where nothing moves; differentiation multiplies the power density of a position by
   the square of the frequency.
@@ -33,7 +33,16 @@ from typing import TYPE_CHECKING
 import numpy as np
 from scipy import fft
 
-from hil.estimation.free_motion.motion import BANDS, FINE, Processing, low_passed, reach
+from hil.estimation.free_motion.motion import (
+    BANDS,
+    FINE,
+    LAG,
+    SAME,
+    Processing,
+    low_passed,
+    reach,
+    velocity_lags,
+)
 from hil.least_squares.standstill import extent, moving, moving_in
 
 if TYPE_CHECKING:
@@ -55,10 +64,6 @@ RIGID = 5.0
 """Frequency up to which arms are rigid [Hz]: half of the lowest resonance of industrial arms."""
 HIGHEST, LOWEST = 100.0, 1.0
 """Bounds of the chosen cut-off frequency [Hz]."""
-SAME = 0.1
-"""Largest relative difference of two equal velocities."""
-LAG = 0.5
-"""Largest accepted lag, in periods."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -221,12 +226,7 @@ def _figures(part: Recording, axes: Mask, cut_off: float) -> Array:
     moves = moving([extent(q, period)])
     with np.errstate(divide="ignore", invalid="ignore"):
         different = np.sqrt(np.sum((v - recorded) ** 2, axis=0)) / size
-        # recorded = scale (v - lag a), by least squares for any scale
-        fits = [
-            np.linalg.lstsq(np.stack([own, rate], axis=1), of, rcond=None)[0]
-            for own, rate, of in zip(v.T, a.T, recorded.T, strict=True)
-        ]
-        lag = np.array([-shift / scale if abs(scale) > SAME else 0.0 for scale, shift in fits])
+        lag = velocity_lags(v, a, recorded)
         noise = np.sqrt(_noise(qd, period, cut_off, 0) / _noise(q, period, cut_off, 1))
     return np.where(moves, np.stack([different, lag, noise]), np.nan)
 

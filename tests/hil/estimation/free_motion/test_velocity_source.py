@@ -98,6 +98,13 @@ def test_one_that_some_recordings_lack_is_not_taken() -> None:
     assert sources(data) == [(False, "none was recorded")] * 2
 
 
+def test_the_lag_of_a_recorded_velocity_is_no_lag_of_the_torque() -> None:
+    fit = fit_free_motions(arm(), add_velocity(late(0.49 * PERIOD), of_position=1e-4)).details
+    assert fit is not None
+    assert fit.recorded_velocity == (1, 2)
+    assert all(abs(each.value) < 0.1 * PERIOD for each in fit.lag)
+
+
 def test_a_joint_that_stands_still_has_no_velocity_to_choose() -> None:
     data = [(m, replace(r, q=0 * r.q, qd=0 * r.q)) for m, r in recorded(arm(), TRUTH, n=1)]
     assert sources(data) == [(False, "the axis does not move")] * 2
