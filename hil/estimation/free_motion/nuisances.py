@@ -215,12 +215,28 @@ def _condensed(
             far = DISTANCES * motion.processing.speed[axis]
             z = side_by_side(*(motion.direction_after(axis, way) for way in far))
             late, ways = tau[:, axis, 1:], motion.passed(z, axis)
-            late, ways = (remove_levels(motion, axis, x) for x in (late, ways))
-            each = rows[:, :k], late, rows[:, k:], ways
-            some, joined = motion.telling[used, axis], side_by_side(*(x[used] for x in each))
+            joined = remove_levels(motion, axis, side_by_side(rows[:, :k], late, rows[:, k:], ways))
+            before = _before_motion(motion, axis)[: len(joined)]
+            joined[: len(before)] -= np.outer(before, before @ joined[: len(before)])
+            some, joined = motion.telling[used, axis], joined[used]
             if some.any():
                 found[-1].add(axis, joined[some], time[some], fast[some, axis])
     of_all, of_fast = (
         each.grouped(GROUPS) for each in Groups.joined(found).speed_classes(shared, own)
     )
     return of_all, of_fast
+
+
+def _before_motion(motion: Motion, axis: int) -> Array:
+    """Return the direction of friction left over from before the recording, (n_used,), of norm 1.
+
+    Its share exp(-|q - q_0| / d) has an unknown factor z_0, so that the torque along it is no
+    evidence for or against any d. The largest d serves for all: the equation's low-pass resolves no
+    difference. 0 throughout for an axis that moves from the first used sample on, or never.
+    """
+    away = np.abs(motion.q[:, axis] - motion.q[0, axis])
+    share = np.exp(-np.maximum.accumulate(away) / (DISTANCES[-1] * motion.processing.speed[axis]))
+    found = motion.passed(share[:, np.newaxis], axis)[: len(motion.used), 0]
+    found = np.where(motion.used[: len(found)], found, 0.0)
+    rests_first = found.max(initial=0.0) > 0.5 > share[-1]
+    return found / np.linalg.norm(found) if rests_first else 0.0 * found

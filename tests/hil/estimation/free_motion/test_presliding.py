@@ -10,9 +10,14 @@ from free_run import COULOMB, PERIOD, TRUTH, VISCOUS, arm, recorded, some_motion
 from hypothesis import given
 from hypothesis import strategies as st
 
+from hil.estimation.free_motion.nuisances import find_nuisances
+from hil.estimation.free_motion.settings import processing_of
+from hil.estimation.free_motion.survey import survey
 from hil.estimation.identify import estimate
 from hil.friction.direction import are_successive, friction_direction
 from hil.friction.law import friction_torque
+from hil.model.dynamics import inverse_dynamics
+from hil.model.motors import motor_torque
 
 DISTANCE = 2e-3
 """Presliding distance of the arm's friction [rad]."""
@@ -83,6 +88,23 @@ def test_the_distance_is_found_and_inertia_no_longer_takes_its_place() -> None:
     assert found.details.overall_residual < 0.7 * plain.details.overall_residual
     error, of_plain = (np.linalg.norm(each.values - TRUTH) for each in (found, plain))
     assert error < 0.5 * of_plain
+
+
+def test_static_friction_before_the_first_motion_is_no_evidence_against_presliding() -> None:
+    distance, ((motion, each),) = 1e-3, recorded(arm(), TRUTH, n=1, duration=30.0)
+    after = each.time[:, np.newaxis].clip(2.0, 3.0) - 2.0  # a smooth start
+    t = (each.time - 2.0).clip(0.0) - after[:, 0] + after[:, 0] ** 2 / 2
+    q, slope, bend = some_motion(t)
+    qd, qdd = slope * after, bend * after**2 + slope * ((after > 0) & (after < 1))
+    way = np.cumsum(np.abs(np.diff(q, axis=0, prepend=q[:1])), axis=0)
+    z = np.column_stack([friction_direction(x, distance) for x in q.T])
+    z += 0.9 * np.exp(-way / distance)
+    tau = inverse_dynamics(arm(), TRUTH, q, qd, qdd) + motor_torque(arm(), q, qd, qdd)
+    tau += COULOMB * z + VISCOUS * qd + 0.1 * np.random.default_rng(1).standard_normal(q.shape)
+    seen = survey([(motion, replace(each, q=q, tau=tau))])
+    processing = replace(processing_of(seen)[0], rests="level")
+    found = find_nuisances(arm(), seen, processing, ["presliding"])
+    assert found.processing.presliding == pytest.approx([distance] * 2, rel=0.5)
 
 
 def test_friction_that_turns_round_at_once_keeps_the_sign() -> None:
