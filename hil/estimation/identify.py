@@ -7,7 +7,6 @@ Two-step methods take measurements (`two_step_methods`), the others imported mot
 from __future__ import annotations
 
 from dataclasses import replace
-from functools import partial
 from typing import TYPE_CHECKING, NamedTuple
 
 from hil.errors import Mismatch, UnknownName
@@ -35,22 +34,25 @@ JOINT = "joint"
 """Name of the method for recordings of several kinds."""
 
 
-def _fit_imports(name: str, robot: Robot, recorded: Recorded, options: Options) -> Estimate:
-    # spectra and filters take half a second to import, and measurements do not use them
-    from hil.estimation import import_methods as methods  # noqa: PLC0415
+def _import_method(name: str) -> Identify:
+    def identify(robot: Robot, recorded: Recorded, options: Options) -> Estimate:
+        # spectra and filters take half a second to import, and measurements do not use them
+        from hil.estimation import import_methods as methods  # noqa: PLC0415
 
-    if name == JOINT:
-        return methods.fit_joint(robot, recorded, options)
-    if name == BACK_AND_FORTH:
-        # friction is estimated without a law, and gears are rigid
-        return methods.fit_back_and_forth(robot, recorded, options.covariance)
-    return methods.fit_free_motions(robot, recorded, name, options)
+        if name == JOINT:
+            return methods.fit_joint(robot, recorded, options)
+        if name == BACK_AND_FORTH:
+            # friction is estimated without a law, and gears are rigid
+            return methods.fit_back_and_forth(robot, recorded, options.covariance)
+        return methods.fit_free_motions(robot, recorded, name, options)
+
+    return identify
 
 
 METHODS: dict[str, Identify] = {
     "improved": fit_improved,
     "published": fit_published,
-    **{name: partial(_fit_imports, name) for name in (JOINT, BACK_AND_FORTH, *VARIANTS)},
+    **{name: _import_method(name) for name in (JOINT, BACK_AND_FORTH, *VARIANTS)},
 }
 """Methods by name: two-step methods, the method for recordings of several kinds, and methods for
 imported motions."""
