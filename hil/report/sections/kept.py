@@ -21,13 +21,42 @@ from hil.show.section import Section
 from hil.show.table import Column, Marked, Part, Table, figures, table
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Sequence
+    from collections.abc import Sequence
 
     from hil.commands.diagnose import DiagnosisFile
     from hil.model.robot import Robot
     from hil.report.reported_run import ReportedRun
     from hil.results.judgement import KeptJudgement
     from hil.runs.journal import Session
+
+
+def current(
+    kind: type[LoadFile | DiagnosisFile], run: ReportedRun, command: str
+) -> tuple[Any, str]:
+    """Read a kept result, or the reason for not showing it.
+
+    Parameters
+    ----------
+    kind : type
+        Kind of the result.
+    command : str
+        Command to renew the result.
+
+    Returns
+    -------
+    kept : LoadFile, DiagnosisFile or None
+    note : str
+        Reason for not showing the result; empty if shown or missing.
+    """
+    try:
+        kept = kind.read(run.source.path)
+        stale = kept.stale(run.source, run.model.values) if kept else ""
+        why = f"is stale and not shown: {stale}" if stale else ""
+    except FileError as error:
+        why = f"cannot be used: {error}"
+    if why:
+        return None, f"{kind.names[0]} {why}. Write it anew with: {command}"
+    return kept, ""
 
 
 def _section(heading: str, found: Outcome, intro: str = "") -> Section:
@@ -68,56 +97,32 @@ def bodies(run: ReportedRun) -> Section | None:
     return _section("Bodies", Outcome(consistency.tables(run.robot, kept.consistent)))
 
 
-def _kept(
-    heading: str,
-    kind: type[LoadFile | DiagnosisFile],
-    run: ReportedRun,
-    command: str,
-    shown: Callable[[Any], tuple[Outcome, str]],
-) -> Section | None:
-    """Create the section of a kept result, or of the reason for not showing it; None without any.
-
-    `command` renews the result; `shown` returns its outcome and an introduction.
-    """
-    try:
-        kept = kind.read(run.source.path)
-        if kept is None:
-            return None
-        stale = kept.stale(run.source, run.model.values)
-        why = f"is stale and not shown: {stale}" if stale else ""
-    except FileError as error:
-        why = f"cannot be used: {error}"
-    if why:
-        why = f"{kind.names[0]} {why}. Write it anew with: {command}."
-        return _section(heading, Outcome(), why)
-    return _section(heading, *shown(kept))
-
-
 def load(run: ReportedRun) -> Section | None:
     """Create the section of the kept load, or of the reason for its absence."""
-
-    def shown(found: LoadFile) -> tuple[Outcome, str]:
-        bare = found.without
-        return payload.file_outcome(found, run.robot), (
-            f"From two runs of the same robot, without ({bare.folder}, {when(bare.measured)}) and"
-            " with the load (this run). Parameters, load and friction follow from both runs at once"
-            " by least squares."
-        )
-
-    return _kept("The load", LoadFile, run, f"hil payload WITHOUT {run.source.path}", shown)
+    command = f"hil payload WITHOUT {run.source.path}"
+    found, note = current(LoadFile, run, command)
+    if found is None:
+        return _section("The load", Outcome(), f"{note}.") if note else None
+    bare = found.without
+    intro = (
+        f"From two runs of the same robot, without ({bare.folder}, {when(bare.measured)}) and with"
+        " the load (this run). Parameters, load and friction follow from both runs at once by least"
+        " squares."
+    )
+    return _section("The load", payload.file_outcome(found, run.robot), intro)
 
 
 def diagnosis(run: ReportedRun) -> Section | None:
     """Create the section of the kept diagnosis, or of the reason for its absence."""
     heading, command = "Parameters absent from the robot file", f"hil diagnose {run.source.path}"
+    found, note = current(diagnose.DiagnosisFile, run, command)
+    if found is None:
+        return _section(heading, Outcome(), f"{note}.") if note else None
     intro = (
         "Every link parameter absent in the robot file is tested together with all stated ones; "
         "parameters that these measurements do not distinguish are tested as one."
     )
-    return _kept(
-        heading, diagnose.DiagnosisFile, run, command,
-        lambda found: (diagnose.file_outcome(found, run.robot), intro),
-    )  # fmt: skip
+    return _section(heading, diagnose.file_outcome(found, run.robot), intro)
 
 
 def advice(run: ReportedRun) -> Section | None:
