@@ -8,7 +8,6 @@ their parents. `refuse_unwritable` checks files that a command writes into the f
 
 from __future__ import annotations
 
-import itertools
 import os
 from enum import IntEnum
 from pathlib import Path
@@ -181,16 +180,17 @@ def show(*found: Outcome | Table | str) -> None:
 
 def say_verdicts(verdicts: Sequence[Verdict]) -> None:
     """Print the verdicts on a result: the worst, beginnings of further objections, notes."""
-    if verdicts:
-        text = printable(str(verdicts[0]))
-        give(judgement={"word": verdicts[0].kind, "text": text})
-        say(str(verdicts[0]), style=STYLES[verdicts[0].kind])
-    shown = [each.word != each.kind or each.kind == "note" for each in verdicts[1:]]
-    further = [each for each, all_of_it in zip(verdicts[1:], shown, strict=True) if not all_of_it]
+    if not verdicts:
+        return
+    first, *rest = verdicts
+    give(judgement={"word": first.kind, "text": printable(str(first))})
+    further = [each for each in rest if each.word == each.kind and each.kind != "note"]
+    say(str(first), style=STYLES[first.kind])
     if further:
         say(f"also: {'; '.join(dict.fromkeys(each.text.split('; ')[0] for each in further))}")
-    for each in itertools.compress(verdicts[1:], shown):
-        say(str(each), style=STYLES[each.kind])
+    for each in rest:
+        if each not in further:
+            say(str(each), style=STYLES[each.kind])
 
 
 def write_page(path: Path, found: Outcome) -> None:

@@ -221,17 +221,8 @@ def _session(
 
 def _note_axes(folder: RunFolder, bus: DriveBus, background: Background) -> Robot:
     """Note the drives in the journal; return the robot within the limits of the drives."""
-    known = next((s.axes for s in folder.journal.sessions if s.axes), ())
-    axes = axis_records(bus.axes)
-    # a run is resumed with the drives that it was started with
-    for then, present in zip(known, axes, strict=False):
-        if then.identity != present.identity:
-            raise FileError(
-                f"{folder.path}: the drive of {present.name} was {then.identity} when the run was"
-                f" started, now it is {present.identity}; resume on the same machine, or start"
-                " a new run with -o"
-            )
-    folder.keep(axes=axes)
+    folder.refuse_other_drives(bus.axes)
+    folder.keep(axes=axis_records(bus.axes))
     background.do(folder.save_journal)
     refuse_beyond(folder.plan, folder.robot, bus.axes)
     return limited(folder.robot, bus.axes)

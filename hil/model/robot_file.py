@@ -95,7 +95,9 @@ class Joint(FileModel):
         kind = info.data.get("type", "revolute")
         unit, bound = _UNIT[kind], MAX_RANGE[kind]
         if abs(value) > bound:
-            turns = ' (an axis of many turns: type="continuous" in a URDF, else +-12.566)'
+            turns = (
+                f' (an axis of many turns: type="continuous" in a URDF, else +-{2 * math.tau:.3f})'
+            )
             raise ValueError(
                 f"{value:g} {unit} must be within +-{bound:g} {unit}:"
                 f" it looks like {_WRONG_UNIT[kind]}{_conversion(kind, value)}"

@@ -108,22 +108,21 @@ def band_residual(
             counts[:, axes] += [mask.sum(axis=0) for _, mask in rows]
         squares[:, axes] += own
         if (own[3] > accuracy**2 * own[2]).any():
-            for total, part in zip(
-                (noise, seconds), _noise(model, recording, used, axes), strict=True
-            ):
-                total[axes] += part
+            of_noise, lasting = _noise(model, recording, used, axes)
+            noise[axes] += of_noise
+            seconds[axes] += lasting
     if not counts.any():
         return None
     # two draws of noise, the recorded and the added one, agree within this share by chance, 95 %
     chance = 2.0 * np.sqrt(2.0 * 2.0 / np.maximum(INDEPENDENT * seconds, 1.0))
-    noise *= np.maximum(1.0 - chance, 0.0)
-    squares, counts = np.vstack([squares, noise]), np.vstack([counts, counts[3]])
+    certain = noise * np.maximum(1.0 - chance, 0.0)
+    squares, counts = np.vstack([squares, noise, certain]), counts[[*range(6), 3, 3]]
     roots = np.sqrt(squares / np.maximum(counts, 1.0)).tolist()
     found = [
         tuple(x if n else None for x, n in zip(*pair, strict=True))
         for pair in zip(roots, counts.tolist(), strict=True)
     ]
-    names = ("torque", "left", "moving", "smoothed", "recorded", "unfiltered", "noise")
+    names = ("torque", "left", "moving", "smoothed", "recorded", "unfiltered", "noise", "certain")
     return BandResidual(band=BAND, **dict(zip(names, found, strict=True)))
 
 

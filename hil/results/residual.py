@@ -62,8 +62,10 @@ class BandResidual(FileModel):
     recorded, unfiltered : tuple of float or None
         Root mean squares as above with the torque as recorded.
     noise : tuple of float or None
-        Part of `smoothed` certainly due to the noise of positions, from motions whose `smoothed`
-        exceeds the tolerated share of the torque; empty in files of earlier versions.
+        Part of `smoothed` due to the noise of positions, from motions whose `smoothed` exceeds the
+        tolerated share of the torque; empty in files of earlier versions.
+    certain : tuple of float or None
+        Part of `noise` that is not by chance; empty in files of earlier versions.
     """
 
     band: float
@@ -74,18 +76,28 @@ class BandResidual(FileModel):
     recorded: tuple[float | None, ...]
     unfiltered: tuple[float | None, ...]
     noise: tuple[float | None, ...] = ()
+    certain: tuple[float | None, ...] = ()
+
+    @property
+    def worse_than_none(self) -> Mask:
+        """Axes whose residual exceeds the torque itself, even without the noise of positions.
+
+        Noise adds to the mean square, so the model without noise leaves the difference.
+        """
+        if not self.noise:
+            return np.zeros(len(self.torque), dtype=bool)
+        squares = (np.nan_to_num(_array(x)) ** 2 for x in (self.smoothed, self.noise, self.moving))
+        left, noise, torque = squares
+        return np.asarray(left - noise > torque)
 
     @property
     def relative_noise(self) -> Array:
-        """Noise of positions in `relative_smoothed`; shape as there, 0 where it was not needed."""
-        return np.nan_to_num(_ratio(self.noise or (None,) * len(self.torque), self.moving))
+        """Certain noise in `relative_smoothed`; shape as there, 0 where it was not needed."""
+        return np.nan_to_num(_ratio(self.certain or (None,) * len(self.torque), self.moving))
 
     @property
     def relative_without_noise(self) -> Array:
-        """Smoothed residual over the torque without the noise of positions; shape as in `relative`.
-
-        Noise adds to the mean square, so the model leaves the difference.
-        """
+        """Smoothed residual over the torque without certain noise; shape as in `relative`."""
         squares = self.relative_smoothed**2 - self.relative_noise**2
         return np.asarray(np.sqrt(np.maximum(squares, 0.0)))
 
@@ -171,23 +183,24 @@ def unexplained(
     """
     if found is None:
         return
+    worse = found.worse_than_none
     for axis, left in found.worst_first(limit):
         noise = float(found.relative_noise[axis])
         if left <= accuracy:
             return
-        if noise > left:
-            yield doubtful(
-                f"axis {axis + 1}: noise of its position is {_percent(noise)} of the torque up to "
-                f"{found.band:g} Hz, which hides whether the model leaves at most "
-                f"{_percent(accuracy)} (--accuracy)",
-                "record the encoder's full resolution, or faster motion",
-            )
-        elif left > 1.0 and found.noise and own_friction:
+        if worse[axis] and own_friction:
             yield failed(
                 f"axis {axis + 1}: residual {_percent(float(found.relative_smoothed[axis]))} of "
                 f"the torque up to {found.band:g} Hz, and noise of positions explains only "
                 f"{_percent(noise)}: the model is worse than none",
                 "check column, sign and unit of its torque, its gear ratio and rotor inertia",
+            )
+        elif noise > left:
+            yield doubtful(
+                f"axis {axis + 1}: noise of its position is {_percent(noise)} of the torque up to "
+                f"{found.band:g} Hz, which hides whether the model leaves at most "
+                f"{_percent(accuracy)} (--accuracy)",
+                "record the encoder's full resolution, or faster motion",
             )
         else:
             yield doubtful(

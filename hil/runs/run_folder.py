@@ -38,6 +38,7 @@ from hil.runs.journal import (
     RepeatedAttempt,
     Session,
     SyncTiming,
+    axis_records,
     now,
     write_journal,
 )
@@ -47,6 +48,7 @@ from hil.runs.run import Run
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
 
+    from drivers.drive_bus import AxisInfo
     from hil.model.robot import Robot
     from hil.planning.plan import Plan
     from hil.runs.journal import BusName
@@ -145,6 +147,23 @@ class RunFolder(Run):
                     "the earlier one, or start a new run with -o"
                 )
 
+    def refuse_other_drives(self, axes: Sequence[AxisInfo]) -> None:
+        """Refuse to resume with other drives than at the start.
+
+        Raises
+        ------
+        FileError
+            The identity of a drive differs.
+        """
+        known = next((s.axes for s in self.journal.sessions if s.axes), ())
+        for then, present in zip(known, axis_records(axes), strict=False):
+            if then.identity != present.identity:
+                raise FileError(
+                    f"{self.path}: the drive of {present.name} was {then.identity} when the run was"
+                    f" started, now it is {present.identity}; resume on the same machine, or start"
+                    " a new run with -o"
+                )
+
     def write(self, measured: Measured) -> None:
         """Write a recording, completely or not at all."""
         refuse_link(self.path / "recordings")
@@ -192,8 +211,7 @@ class RunFolder(Run):
             return True
         if self.journal.rehearsed or any((self.path / "recordings").iterdir()):
             return False
-        path = self.path / _SETTINGS
-        if path.exists() and not load_yaml(path, _FoundSettings).restored:
+        if not self._settings_restored:
             return False
         with file_errors(self.path, "removed"):
             for name in ("plan.yaml", "robot.yaml", "drives.yaml", "run.json", _SETTINGS):
@@ -202,6 +220,12 @@ class RunFolder(Run):
             if not any(self.path.iterdir()):
                 self.path.rmdir()
         return True
+
+    @property
+    def _settings_restored(self) -> bool:
+        """True if no drive needs the found settings in the folder."""
+        path = self.path / _SETTINGS
+        return not path.exists() or load_yaml(path, _FoundSettings).restored
 
     @contextmanager
     def session(self, bus_name: BusName, real_time: Sequence[str] = ()) -> Iterator[int]:

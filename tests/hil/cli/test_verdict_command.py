@@ -6,15 +6,17 @@ from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
+import pytest
 from free_run import TRUTH, arm, recorded, write_free_run
 from small_run import empty_plots
 
+from hil.cli.outputs import say_verdicts
 from hil.results.model import Model
+from hil.show.outcome import Verdict
 
 if TYPE_CHECKING:
     from pathlib import Path
 
-    import pytest
     from command_line import Hil
 
 
@@ -52,3 +54,21 @@ def test_a_report_states_that_a_model_which_was_edited_is_not_used(
     status, out, _ = hil("report", run.path)
     assert status == 0
     assert f"not used, the report shows a new estimate: {run.path / 'model.yaml'}:" in out
+
+
+@pytest.mark.usefixtures("wide_console")
+def test_further_objections_follow_in_one_line_before_the_notes(
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    say_verdicts((
+        Verdict("doubtful", "doubtful", "axis 1: lag at the limit; check the low-pass"),
+        Verdict("note", "note", "residual 5 %"),
+        Verdict("doubtful", "doubtful", "axis 2: not excited; record more"),
+        Verdict("doubtful", "doubtful", "axis 2: not excited; record more"),
+        Verdict("doubtful", "doubtful", "axis 3: not excited; record more"),
+    ))  # fmt: skip
+    assert capsys.readouterr().out.splitlines() == [
+        "doubtful: axis 1: lag at the limit; check the low-pass",
+        "also: axis 2: not excited; axis 3: not excited",
+        "note: residual 5 %",
+    ]

@@ -179,6 +179,7 @@ def test_noise_of_positions_makes_no_model_worse_than_none(
     found = band_residual(model, noisy)
     assert found is not None
     assert (found.relative_smoothed > 1.0).any()
+    assert not found.worse_than_none.any()
     said = list(unexplained(found, model.robot.torque_limit, 0.1, own_friction=True))
     assert said
     for each in said:
