@@ -10,7 +10,7 @@ of 4 min, the first two again, and models predict other recordings as in `hil va
 has the share of samples inside the 95 % intervals for each axis over all plants, and the number of
 axes named as not covered. No plant has a flaw, so every named cause is false. Plants with a drive
 fault are skipped. The rules were chosen on seeds 1 to 6 and, with ``--demo``, 4101 to 4106, the
-course of friction's level on 2001 to 2005; other seeds from 2001 on are held out.
+course of friction's level and its coverage on 2001 to 2009; later seeds are held out.
 
 Intervals of the right width hold 95 % of all samples, but not of each axis: the level of friction
 is one draw for a recording. The last lines state, for named and other axes, the root mean square of

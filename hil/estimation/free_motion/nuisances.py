@@ -238,5 +238,6 @@ def _before_motion(motion: Motion, axis: int) -> Array:
     share = np.exp(-np.maximum.accumulate(away) / (DISTANCES[-1] * motion.processing.speed[axis]))
     found = motion.passed(share[:, np.newaxis], axis)[: len(motion.used), 0]
     found = np.where(motion.used[: len(found)], found, 0.0)
+    # most of it is there in a used sample, and gone at the end
     rests_first = found.max(initial=0.0) > 0.5 > share[-1]
     return found / np.linalg.norm(found) if rests_first else 0.0 * found

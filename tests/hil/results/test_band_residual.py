@@ -171,12 +171,15 @@ def test_a_model_that_is_worse_than_none_has_failed(model: Model, data: FreeReco
     assert {each.word for each in unexplained(left, limit, 0.1)} == {"doubtful"}
 
 
+def noisy(data: FreeRecorded, sigma: float) -> FreeRecorded:
+    rng = np.random.default_rng(1)
+    return [(m, replace(r, q=r.q + sigma * rng.standard_normal(r.q.shape))) for m, r in data]
+
+
 def test_noise_of_positions_makes_no_model_worse_than_none(
     model: Model, data: FreeRecorded
 ) -> None:
-    rng = np.random.default_rng(1)
-    noisy = [(m, replace(r, q=r.q + 0.05 * rng.standard_normal(r.q.shape))) for m, r in data]
-    found = band_residual(model, noisy)
+    found = band_residual(model, noisy(data, 0.05))
     assert found is not None
     assert (found.relative_smoothed > 1.0).any()
     assert not found.worse_than_none.any()
@@ -190,9 +193,7 @@ def test_noise_of_positions_makes_no_model_worse_than_none(
 def test_noise_of_positions_counts_for_nothing_where_the_rest_is_accurate(
     model: Model, data: FreeRecorded
 ) -> None:
-    rng = np.random.default_rng(2)
-    noisy = [(m, replace(r, q=r.q + 0.004 * rng.standard_normal(r.q.shape))) for m, r in data]
-    found = band_residual(model, noisy)
+    found = band_residual(model, noisy(data, 0.004))
     assert found is not None
     assert (found.relative_smoothed > 0.1).any()
     assert list(unexplained(found, model.robot.torque_limit, 0.1)) == []
