@@ -119,8 +119,8 @@ class Products:
     ) -> Products:
         """Return products for another torque or other shared columns, as `Blocks.recast` does.
 
-        Time-dependent columns, shape (n_pieces, n_joints, m), are 0 in cells, since cells have no
-        time.
+        Time-dependent columns, shape (n_pieces, n_joints, m), are 0 in cells, which have no time:
+        their torque lacks the drift (`recorded_products`).
         """
         new, crossed = added or {}, self.instruments
         of_cells = {name: 0.0 * x[0] if x.ndim == 3 else x for name, x in new.items()}
@@ -208,6 +208,7 @@ def recorded_products(
     *,
     instruments: bool = False,
     soft: tuple[int, ...] = (),
+    drifting: Array | None = None,
 ) -> Products:
     """Condense motions with the recorded signals as torque.
 
@@ -223,6 +224,8 @@ def recorded_products(
         Compute products of one half of the samples with the other half.
     soft : tuple of int
         Axes with soft gears, from 0.
+    drifting : ndarray, shape (n_pieces, n_joints, n_terms), optional
+        Friction by piece, not part of the torque in cells (`Drift.beyond_mean`).
 
     Raises
     ------
@@ -258,7 +261,11 @@ def recorded_products(
                 continue
             own.add(axis, rows[some], time[some], speeds[some, axis])
             if states is not None:
-                cells.add(axis, rows[some], states[some], speeds[some, axis])
+                of_cells = rows[some]
+                if drifting is not None:
+                    friction = drifting[len(origin) + time[some], axis]
+                    of_cells[:, 0] -= (of_cells[:, -len(terms) :] * friction).sum(axis=1)
+                cells.add(axis, of_cells, states[some], speeds[some, axis])
         pieces.append(own)
         origin += [number] * len(parts)
         if instruments:

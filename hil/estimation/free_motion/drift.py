@@ -12,7 +12,8 @@ held-out blocks as good as the best, friction being interpolated over the held-o
 constant level is never replaced by a drifting one with worse predictions. Instants are no closer
 than `APART`: over shorter times the level would follow the motion.
 
-Cells of states have no time; there the level is the mean.
+Cells of states have no time: the drifting friction is subtracted from their torque. Otherwise each
+cell would show the level at the few times of its samples as an error of the model.
 """
 
 from __future__ import annotations
@@ -81,6 +82,17 @@ class Drift:
                 added[name] = np.zeros((len(hat), products.n_joints, n_shared + len(COLUMNS)))
                 added[name][:, axis, n_shared:] = np.outer(hat, friction)
         return products.recast(added=added)
+
+    def beyond_mean(self, x: Array, layout: Layout, n_pieces: int) -> Array:
+        """Return the friction beyond that of mean level, shape (n_pieces, n_joints, n_columns).
+
+        Parameters are those of `found`.
+        """
+        change = [
+            levels(n_pieces, spans) @ x[[layout.index(name) for name in self.names(axis)]]
+            for axis, spans in enumerate(self.spans)
+        ]
+        return np.transpose(change)[..., np.newaxis] * self.friction
 
     def found(self, x: Array, layout: Layout, n_pieces: int) -> tuple[Array, ...]:
         """Return the relative levels of every axis at the instants; empty for constant levels.

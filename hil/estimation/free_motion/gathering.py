@@ -117,6 +117,8 @@ class Gathered:
         Products of the recorded signals.
     drift : Drift
         Drift of the friction level; constant levels if gains are unknown.
+    steady : Products
+        `recorded` without this drift in the cells.
     edges : tuple of Edge
         Lags and compliances at the edge of the search range.
     """
@@ -131,12 +133,13 @@ class Gathered:
     scaling: Scaling
     choice: Choice
     drift: Drift
+    steady: Products
     edges: tuple[Edge, ...] = ()
 
     @property
     def products(self) -> Products:
         """Inner products of torques in SI, with columns of drifting levels."""
-        return self.drift.applied(self.scaling.applied(self.recorded))
+        return self.drift.applied(self.scaling.applied(self.steady))
 
     @property
     def choice_covariance(self) -> Array:
@@ -213,14 +216,19 @@ def gather(
     first, unknown = beside, found.unknown_gains
     if first is None:
         first, unknown = _first_estimate(robot, found, stretches, open_scale=open_scale)
-    condensed = recorded_products(
-        robot,
-        (filtered_motion(recording, processing) for _, recording in motions),
-        divided,
-        first,
-        instruments=variant.solver == "instrumental",
-        soft=processing.soft,
-    )
+
+    def condense(drifting: Array | None = None) -> Products:
+        return recorded_products(
+            robot,
+            (filtered_motion(recording, processing) for _, recording in motions),
+            divided,
+            first,
+            instruments=variant.solver == "instrumental",
+            soft=processing.soft,
+            drifting=drifting,
+        )
+
+    condensed = condense()
     scaling = first_scaling(robot, condensed.pieces[0].total, unknown, beside)
     products = (scaling if beside is None else Scaling.known(scaling.gains)).applied(condensed)
     laws = TRIED if options.friction == "auto" else (options.friction,)
@@ -231,11 +239,15 @@ def gather(
     )
     # the joint fit determines a scale left open by these recordings (`rescaled`)
     scaling = (refined if beside is None else linearise)(condensed, scaling, choice)
-    drift = Drift.none(robot.n_joints)
+    drift, steady = Drift.none(robot.n_joints), condensed
     if chosen and not unknown and "drift" in options.nuisance:
         drift = find_drift(products, choice, found.duration)
         if any(drift.spans):
-            choice = choose(drift.applied(products), laws, nuisances.plain)
+            products = drift.applied(products)
+            choice = choose(products, laws, nuisances.plain)
+            x, count = choice.fitted(products).solution, products.n_pieces
+            beyond = drift.beyond_mean(x, products.layout, count)
+            steady = replace(condensed, cells=condense(beyond).cells)
     return Gathered(
         found=found,
         stretches=stretches,
@@ -247,6 +259,7 @@ def gather(
         scaling=scaling,
         choice=choice,
         drift=drift,
+        steady=steady,
         edges=nuisances.edges,
     )
 

@@ -27,18 +27,29 @@ def falling(t: np.ndarray) -> np.ndarray:
     return 1.3 - 0.6 * t / DURATION
 
 
-def drifting(level: Callable[[np.ndarray], np.ndarray], duration: float = DURATION) -> FreeRecorded:
-    """Return one recording whose friction, except the offset, has a given level over time."""
-    ((motion, each),) = recorded(arm(), TRUTH, lambda qd: 0 * qd, n=1, duration=duration)
-    qd = np.gradient(each.q, PERIOD, axis=0)
-    size = np.column_stack([level(each.time), np.ones(len(qd))])
-    tau = each.tau + OFFSET + size * (COULOMB * np.sign(qd) + VISCOUS * qd)
-    return [(motion, replace(each, tau=tau))]
+def drifting(
+    level: Callable[[np.ndarray], np.ndarray], duration: float = DURATION, n: int = 1
+) -> FreeRecorded:
+    """Return recordings whose friction, except the offset, has a given level over time."""
+    found = []
+    for k, (motion, each) in enumerate(
+        recorded(arm(), TRUTH, lambda qd: 0 * qd, n=n, duration=duration)
+    ):
+        qd = np.gradient(each.q, PERIOD, axis=0)
+        size = np.column_stack([level(each.time + k * duration), np.ones(len(qd))])
+        tau = each.tau + OFFSET + size * (COULOMB * np.sign(qd) + VISCOUS * qd)
+        found.append((motion, replace(each, tau=tau)))
+    return found
 
 
 @pytest.fixture(scope="module")
 def warmed() -> Estimate:
     return estimate(arm(), drifting(falling), "free motion")
+
+
+@pytest.fixture(scope="module")
+def steady() -> Estimate:
+    return estimate(arm(), drifting(np.ones_like), "free motion")
 
 
 def test_a_level_that_falls_is_found_and_no_longer_left_in_the_torque(warmed: Estimate) -> None:
@@ -60,10 +71,20 @@ def test_how_far_the_level_went_counts_in_intervals_of_predicted_torques(warmed:
     assert [axis and axis.wander for axis in law.axes] == [pytest.approx(0.3, abs=0.02), 0.0]
 
 
-def test_a_level_that_stays_is_not_found_to_change() -> None:
-    found = estimate(arm(), drifting(np.ones_like), "free motion").details
-    assert found is not None
-    assert [axis.level for axis in found.axes] == [(), ()]
+def test_a_level_that_stays_is_not_found_to_change(steady: Estimate) -> None:
+    assert [axis.level for axis in steady.details.axes] == [(), ()]
+
+
+def test_a_drift_that_was_found_enlarges_no_standard_error(
+    warmed: Estimate, steady: Estimate
+) -> None:
+    assert warmed.standard_errors == pytest.approx(steady.standard_errors, rel=0.3)
+
+
+def test_a_drift_over_several_recordings_enlarges_no_standard_error(steady: Estimate) -> None:
+    found = estimate(arm(), drifting(falling, DURATION / 2, 2), "free motion")
+    assert found.details.axes[0].level[-1] == pytest.approx(0.7, abs=0.02)
+    assert found.standard_errors == pytest.approx(steady.standard_errors, rel=0.5)
 
 
 def test_short_recordings_and_methods_of_the_literature_know_one_level() -> None:
