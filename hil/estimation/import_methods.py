@@ -37,7 +37,7 @@ from hil.estimation.back_and_forth.result import BackAndForthFit
 from hil.estimation.back_and_forth.solution import solve as solve_strokes
 from hil.estimation.estimate import Estimate, LeftOut, covariance_of_drives
 from hil.estimation.free_motion.accumulation import long_rests
-from hil.estimation.free_motion.bias_test import bias_test
+from hil.estimation.free_motion.bias_test import bias_test, halves, noise_directions
 from hil.estimation.free_motion.change import find_change
 from hil.estimation.free_motion.choice import classical_choice, driving_axes
 from hil.estimation.free_motion.description import (
@@ -154,7 +154,9 @@ def estimate_from(
     found, scaling, choice = gathered.found, gathered.scaling, gathered.choice
     processing, products = gathered.processing, gathered.products
     visited, silent = configurations(found), silent_axes(gathered.stretches, found.still)
-    of = visited, found.still, options
+    both = halves(robot, gathered.stretches, scaling, choice, gathered.first)
+    noise = noise_directions(both, len(gathered.first)) if both else None
+    of = visited, found.still, options, noise
     try:
         solution = solve(robot, products, choice, solver, *of, silent=bool(silent))
     except NotIdentifiable as error:
@@ -189,7 +191,7 @@ def estimate_from(
             if axis not in found.still and not any(long_rests(s, axis) for s in gathered.stretches)
         ),
         not_identified=_names(robot, solution),
-        bias_test=bias_test(robot, gathered.stretches, scaling, choice, gathered.first),
+        bias_test=bias_test(both, n) if both else None,
         least_inertia=least_inertia(robot, fit.x[:n], visited),
         remarks=(
             *silent,

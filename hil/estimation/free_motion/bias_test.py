@@ -6,11 +6,17 @@ the other half, errors that are independent from sample to sample cause no bias.
 both estimates agree, up to the scatter over blocks of time (Hausman, Econometrica 46 (1978)
 1251-1271). Parameters are tested separately by Student's t over blocks, with a correction for the
 number of parameters (Bonferroni), which needs no more blocks than the error of one parameter.
+
+Where joints move one by one, some combinations of parameters hardly move the torque, and noise of
+the positions is most of their columns. Then instruments are as weak as the columns, and the test
+shows nothing. With W from one half, Z from the other, and all nuisances eliminated, Z'W is the
+information of the motion, and W'W that of motion and noise: eigenvalues of Z'W for unit W'W are the
+share of the motion. Below one half, noise determines the combination (`noise_directions`).
 """
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 from scipy import special
@@ -20,7 +26,7 @@ from hil.estimation.free_motion.motion import FINE
 from hil.estimation.free_motion.result import FEW_BLOCKS, BiasTest
 from hil.estimation.intervals import SIGNIFICANT
 from hil.friction.terms import BENT, COLUMNS, LAWS
-from hil.least_squares.solving import solved
+from hil.least_squares.solving import inverse_root, nuisance_elimination, solved
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -29,13 +35,21 @@ if TYPE_CHECKING:
     from hil.estimation.free_motion.choice import Choice
     from hil.estimation.free_motion.motion import Motion
     from hil.estimation.free_motion.scaling import Scaling
+    from hil.least_squares.regression import Regression
     from hil.model.robot import Robot
 
 
-def bias_test(
+class Halves(NamedTuple):
+    """Regressions of the survey's stretches: least squares, and with instruments."""
+
+    plain: Regression
+    crossed: Regression
+
+
+def halves(
     robot: Robot, stretches: Sequence[Motion], scaling: Scaling, choice: Choice, first: Array
-) -> BiasTest | None:
-    """Test least squares on the survey's stretches; return None for too few blocks."""
+) -> Halves | None:
+    """Condense the halves of the samples; return None for too few blocks."""
     periods, processing = [each.rates.period for each in stretches], stretches[0].processing
     # half of the samples must resolve the motion
     if processing.cut_off * periods[0] * FINE > 1.0:
@@ -58,9 +72,23 @@ def bias_test(
     )
     if products.instruments is None or products.n_pieces < FEW_BLOCKS:
         return None
-    n, tiny, m = len(first), np.finfo(float).tiny, products.n_pieces
     plain = choice.regression(products.pieces[0])
-    crossed = plain.transfer(products.instruments)
+    return Halves(plain, plain.transfer(products.instruments))
+
+
+def noise_directions(both: Halves, n: int) -> Array:
+    """Return combinations of the first `n` unknowns that noise determines, shape (n, n_found)."""
+    N, crossed = (each.normal.information for each in both)
+    P = nuisance_elimination(N, n)
+    B = inverse_root(P @ N[:, :n])
+    share, V = np.linalg.eigh(B.T @ P @ (crossed + crossed.T) @ P.T @ B / 2.0)
+    return np.asarray(B @ V[:, share < 0.5])
+
+
+def bias_test(both: Halves, n: int) -> BiasTest:
+    """Test the first `n` unknowns of least squares."""
+    plain, crossed = both
+    tiny, m = np.finfo(float).tiny, len(plain.blocks)
     difference = (crossed.solution - plain.solution)[:n]
     # change of the solution by every block, shape (n_blocks, n)
     of_plain, of_crossed = (

@@ -91,6 +91,7 @@ def solve(
     configurations: Array,
     still: Sequence[int] = (),
     options: Options = DEFAULTS,
+    noise: Array | None = None,
     *,
     silent: bool = False,
 ) -> Solution:
@@ -104,6 +105,8 @@ def solve(
         Axes at rest, from 0.
     options : Options
         Covariance rule, and a prior for parameters not excited by the motion.
+    noise : ndarray, shape (n_base, n_directions), optional
+        Combinations of base parameters determined by noise of the positions.
     silent : bool
         True if brakes hide torques at rest: parameters without data are then left out of the model
         unless it explains less without them.
@@ -135,10 +138,10 @@ def solve(
     mute = (choice.weights == 0) & ~np.isin(np.arange(robot.n_joints), still)
     if solver == "positive":
         fit = replace(fit, covariance=covariance + covariance_of_choices(products, choice))
-        found = settled(robot, pieces, fit, configurations, options.prior)
+        found = settled(robot, pieces, fit, configurations, options.prior, noise)
         refitted = np.flatnonzero(mute | (choice.slowest > 0))
     else:
-        found, refitted = settled(robot, pieces, fit, None, options.prior), np.flatnonzero(mute)
+        found, refitted = settled(robot, pieces, fit, None, options.prior, noise), np.flatnonzero(mute)
     if silent and options.prior is None:
         before, after = (pieces.blocks.mean_squares(x) for x in (fit.x, found.fit.x))
         if np.any(after > (1.0 + MATERIAL) ** 2 * before):
@@ -149,10 +152,19 @@ def solve(
 
 
 def settled(
-    robot: Robot, pieces: Regression, fit: Fit, configurations: Array | None, prior: Prior | None
+    robot: Robot,
+    pieces: Regression,
+    fit: Fit,
+    configurations: Array | None,
+    prior: Prior | None,
+    noise: Array | None = None,
 ) -> Solution:
     """Complete a fit by a prior, errors of unusual offsets, and a positive mass matrix."""
     share, n, N = None, len(base_parameters(robot)), pieces.normal.information
+    if noise is not None and noise.size:
+        # without the information on these combinations, and the friction that goes with them
+        side = N @ np.vstack([noise, -inverse(N[n:, n:]) @ N[n:, :n] @ noise])
+        N = N - side @ np.linalg.solve(side[:n].T @ noise, side.T)
     wide = open_covariance(robot, N)
     lost = np.flatnonzero(np.diag(wide)[:n])
     if prior is None and len(lost):
