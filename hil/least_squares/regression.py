@@ -30,7 +30,8 @@ larger variance of each unknown counts,
 with the correlations of C over cells, and the degrees of freedom of the groups. Cells that overlap
 groups of time would show the noise itself (Cameron, Gelbach and Miller, J. Bus. Econ. Stat. 29
 (2011) 238-249), but need all samples. Model error of an extent of several cells shows only in
-larger ones, so neighbours are merged as well (`MERGED`).
+larger ones, so neighbours are merged as well (`MERGED`). Cells of several partitions, labelled so,
+show errors of several kinds; the largest of the variances counts.
 """
 
 from __future__ import annotations
@@ -193,7 +194,8 @@ class Regression:
         covariance : str
             Covariance rule.
         cells : Blocks, optional
-            Samples grouped in cells, successive ones neighbours; not for white noise.
+            Samples grouped in cells, successive ones neighbours; not for white noise. The label
+            "partition" tells apart several divisions of the same samples.
         most : int, optional
             Maximum number of groups: successive groups are merged to include longer disturbances.
         """
@@ -228,9 +230,15 @@ class Regression:
             return scatter((scores @ every)[equations.square > 0], few=True)
 
         weights = np.where(cells.counts.any(axis=0), self.weights, 0.0)
-        groups, each = (of.normal(weights).only(self.kept) for of in (self.blocks, cells))
+        of = cells.labels.get("partition", np.zeros(len(cells)))
+        parts = (self.blocks, *(cells.where(of == number) for number in np.unique(of)))
+        groups, *every_way = (part.normal(weights).only(self.kept) for part in parts)
         noise = spread(groups if most is None else groups.grouped(most))
-        sizes = [spread(each.grouped(-(-len(cells) // merged))) for merged in MERGED]
+        sizes = [
+            spread(each.grouped(-(-len(each.N) // merged)))
+            for each in every_way
+            for merged in MERGED
+        ]
         variances = np.diagonal([noise, *sizes], axis1=1, axis2=2)
         beyond, whole = variances.max(axis=0) - variances[0], np.sum(sizes, axis=0)
         scale = np.sqrt(beyond / np.maximum(np.diag(whole), np.finfo(float).tiny))

@@ -10,7 +10,8 @@ torque of rotors of known inertia as a further column (`recorded_products`), the
 be explained (`scaling`). Pieces are also divided by the speed of the axis, so that a dead zone can
 be chosen afterwards. A cell holds samples of similar positions and velocities at any time: the
 samples nearest to one of some states drawn from the motion. Model errors repeat whenever the motion
-repeats; over cells they scatter.
+repeats; over cells they scatter. Ripple and other errors of a drive train repeat wherever its axis
+passes, so samples are divided by the axis's own position as well.
 
 With instruments, products of all columns with the columns of a second motion are added
 (`motion.filtered_motion`).
@@ -60,15 +61,28 @@ class Division:
     states : ndarray, shape (n_cells, 2 n_joints)
         Centres of the cells: positions and velocities over `scale`; empty without stretches.
     scale : ndarray, shape (2 n_joints,)
+    ranges : ndarray, shape (2, n_joints)
+        Lowest position of each axis, and range of its positions [rad or m].
     """
 
     piece: float
     states: Array
     scale: Array
+    ranges: Array
 
     def cells(self, motion: Motion) -> Indices:
-        """Return the cell of every used sample, shape (n_used,)."""
-        return _nearest(self.states, _states(motion) / self.scale)
+        """Return the cell of every used sample and axis, shape (n_partitions, n_used, n_joints).
+
+        The first partition is by state, the second by the axis's own position; none without
+        stretches.
+        """
+        states, n = _states(motion)[motion.used], len(self.states)
+        if not n:
+            return np.zeros((0, *states[:, ::2].shape), np.intp)
+        low, width = self.ranges
+        share = (states[:, : len(low)] - low) / width
+        of_state = np.repeat(_nearest(self.states, states / self.scale)[:, None], len(low), axis=1)
+        return np.array([of_state, n + np.clip((share * n).astype(np.intp), 0, n - 1)])
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -84,7 +98,8 @@ class Products:
         By piece of time, labelled by the number of its recording: of all samples, then of the
         samples in each class of speed and faster.
     cells : tuple of Blocks
-        By cell of states, for the same classes of speed.
+        By cell of states, then by cell of an axis's own position, labelled "partition"; for the
+        same classes of speed.
     ways : ndarray, shape (n_joints, 2)
         Numbers of samples in which an axis moves forward and back, faster than the least dead zone.
     instruments : Blocks, optional
@@ -153,10 +168,11 @@ def division(
         least = min(least, max(enough, 5.0 / processing.band))
     piece = max(duration / 120, least)  # about 120 pieces over all recordings
     if not stretches:
-        return Division(piece, np.zeros((0, n)), np.ones(n))
+        return Division(piece, np.zeros((0, n)), np.ones(n), np.ones((2, n // 2)))
     states = np.vstack([_states(motion)[motion.used] for motion in stretches])
-    scale = _scale(states)
-    return Division(piece, _middles(states / scale), scale)
+    scale, q = _scale(states), states[:, : n // 2]
+    ranges = np.array([q.min(axis=0), np.maximum(np.ptp(q, axis=0), 1e-9)])
+    return Division(piece, _middles(states / scale), scale, ranges)
 
 
 def _states(motion: Motion) -> Array:
@@ -234,7 +250,7 @@ def recorded_products(
     """
     shared = (*shared_names(robot, soft), ROTOR)
     m = 1 + len(shared) + len(terms)
-    cells = Groups.empty(len(divided.states), robot.n_joints, m)
+    cells = Groups.empty(2 * len(divided.states), robot.n_joints, m)
     pieces: list[Groups] = []
     crossed: list[Array] = []
     origin: list[int] = []
@@ -248,7 +264,7 @@ def recorded_products(
             continue
         own = Groups.empty(len(parts), robot.n_joints, m)
         time = np.repeat(np.arange(len(parts)), [part.stop - part.start for part in parts])
-        states = divided.cells(motion)[motion.used] if len(divided.states) else None
+        of_cells = divided.cells(motion)
         speeds = np.digitize(motion.slowest[motion.used], SPEEDS)
         used = slice(parts[0].start, parts[-1].stop)
         qd = motion.qd[:: motion.rates.coarse][used]
@@ -259,13 +275,13 @@ def recorded_products(
             some = motion.telling[used, axis]
             if not some.any():
                 continue
-            own.add(axis, rows[some], time[some], speeds[some, axis])
-            if states is not None:
-                of_cells = rows[some]
-                if drifting is not None:
-                    friction = drifting[len(origin) + time[some], axis]
-                    of_cells[:, 0] -= (of_cells[:, -len(terms) :] * friction).sum(axis=1)
-                cells.add(axis, of_cells, states[some], speeds[some, axis])
+            heard, speed = rows[some], speeds[some, axis]
+            own.add(axis, heard, time[some], speed)
+            if drifting is not None:
+                friction = drifting[len(origin) + time[some], axis]
+                heard[:, 0] -= (heard[:, -len(terms) :] * friction).sum(axis=1)
+            for each in of_cells:
+                cells.add(axis, heard, each[some, axis], speed)
         pieces.append(own)
         origin += [number] * len(parts)
         if instruments:
@@ -277,7 +293,8 @@ def recorded_products(
     other = None
     if instruments:
         other = Blocks(*columns, np.concatenate(crossed), by_time[0].counts)
-    return Products(by_time, cells.speed_classes(*columns), ways, other)
+    by = {"partition": np.repeat([0, 1], len(divided.states))}
+    return Products(by_time, cells.speed_classes(*columns, by), ways, other)
 
 
 def too_short(longest: float, spoilt: float, processing: Processing) -> NotEnoughData:

@@ -141,7 +141,8 @@ def solve(
         found = settled(robot, pieces, fit, configurations, options.prior, noise)
         refitted = np.flatnonzero(mute | (choice.slowest > 0))
     else:
-        found, refitted = settled(robot, pieces, fit, None, options.prior, noise), np.flatnonzero(mute)
+        found = settled(robot, pieces, fit, None, options.prior, noise)
+        refitted = np.flatnonzero(mute)
     if silent and options.prior is None:
         before, after = (pieces.blocks.mean_squares(x) for x in (fit.x, found.fit.x))
         if np.any(after > (1.0 + MATERIAL) ** 2 * before):

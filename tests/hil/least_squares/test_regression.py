@@ -209,6 +209,32 @@ def test_errors_are_as_stated_for_noise_errors_of_time_and_errors_of_states(
     assert 0.8 < np.sqrt(np.mean(np.square(z))) < 1.2
 
 
+def test_errors_of_places_count_although_states_there_are_several(
+    rng: np.random.Generator,
+) -> None:
+    """Ripple of a gear is the same forward and back: cells of one position hold both."""
+    n_time, n_state = 30, 60
+    phase = 2 * np.pi * (np.arange(n_state) + 0.5) / n_state
+    place = np.minimum(np.arange(n_state), n_state - 1 - np.arange(n_state))
+    W = np.empty((n_time, 2, n_state, 4))
+    W[..., 0], W[..., 1] = np.cos(phase), np.cos(2 * phase)
+    W[..., 2], W[..., 3] = 1.0, np.sign(np.sin(phase))
+    x, found = np.array([TRUTH[[0, 1, 2, 3]], TRUTH[[0, 1, 4, 5]]]), []
+    for _ in range(60):
+        y = np.einsum("tcsk,ck->tcs", W, x) + 0.1 * rng.normal(size=W.shape[:3])
+        y += rng.normal(size=(2, n_state // 2))[:, place]
+        states = blocks(W.transpose(2, 1, 0, 3), y.transpose(2, 1, 0))
+        cells = states.joined(states.merged(place))
+        of = np.repeat([0, 1], [n_state, n_state // 2])
+        cells = replace(cells, labels={"partition": of})
+        whole = Regression.weighed(blocks(W, y))
+        fits = whole.fit("CR2", states), whole.fit("CR2", cells)
+        found.append([(fit.x - TRUTH)[:2] / np.sqrt(np.diag(fit.covariance))[:2] for fit in fits])
+    of_states, of_both = np.sqrt(np.mean(np.square(found), axis=(0, 2)))
+    assert of_states > 1.25
+    assert 0.7 < of_both < 1.2
+
+
 def test_cells_with_samples_that_groups_lack_show_no_errors_of_their_own(
     rng: np.random.Generator,
 ) -> None:
