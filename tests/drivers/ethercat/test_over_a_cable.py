@@ -48,6 +48,9 @@ def test_the_tutorial_is_walked_word_by_word(tmp_path: Path) -> None:
     ours = (scan, plan, run, identify)
     commands = [each.command for each in (link, *links, plant, *ours) if isinstance(each, Step)]
     assert len(commands) == len(links) + 6
+    minutes, half = "--minutes 10", "--gravity 8 --inertia 14 --coupling 2"  # half the time
+    assert minutes in commands[-3]
+    commands[-3] = commands[-3].replace(minutes, half)
     *cable, serve = commands[:-4]
     script = [
         "set -e; export PYTHONUNBUFFERED=1; ip link set lo up",

@@ -12,15 +12,19 @@ import yaml
 from small_run import write_run
 from synthetic import TABLE_3_A
 
+from hil.commands import history
 from hil.model.base_parameters import base_parameters
 from hil.results.identification import identify
 
 if TYPE_CHECKING:
+    from collections.abc import Iterator, Sequence
     from pathlib import Path
 
     from command_line import Hil
 
+    from hil.estimation.excluded.result import Excluded
     from hil.model.robot import Robot
+    from hil.runs.pooling import Pooled
 
 LOAD = {"m6": 10.86, "sz6": 1.5204, "Ixx6": 0.2387, "Iyy6": 0.2387, "Izz6": 0.047}
 FOUND = ": axis 6: a load on the last link"
@@ -40,6 +44,22 @@ def runs(manutec: Robot, tmp_path_factory: pytest.TempPathFactory) -> Path:
         run = write_run(place / name, manutec, (manutec, p), seed=seed + 1)
         identify(run).save(run.path / "model.yaml")
     return place
+
+
+@pytest.fixture(scope="module", autouse=True)
+def _each_pair_is_compared_once() -> Iterator[None]:
+    """Commands differ in the runs that they compare and in what they print."""
+    compare, found = history.changed, dict[object, "Excluded | None"]()
+
+    def once(robot: Robot, before: Pooled, after: Pooled, known: Sequence[str]) -> Excluded | None:
+        key = (*(each.path for runs in (before, after) for each in runs._folders), *known)
+        if key not in found:
+            found[key] = compare(robot, before, after, known)
+        return found[key]
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(history, "changed", once)
+        yield
 
 
 def test_a_validation_that_is_not_good_names_what_changed(hil: Hil, runs: Path) -> None:

@@ -7,6 +7,7 @@ import json
 import shutil
 from dataclasses import fields, is_dataclass
 from typing import TYPE_CHECKING, Any
+from unittest.mock import Mock
 
 import numpy as np
 import pytest
@@ -147,8 +148,10 @@ def test_a_stranger_s_file_restores_records_of_findings_and_calls_nothing_else(
 @pytest.mark.parametrize("value", ["text", None, [], {"array": [1.0], "kind": "<f8"}])
 @pytest.mark.parametrize("field", ["residual", "local", "friction_law"])
 def test_a_report_of_a_stranger_s_records_with_wrong_fields_is_estimated_anew(
-    copy: Path, field: str, value: Any
+    copy: Path, found: Findings, field: str, value: Any, monkeypatch: pytest.MonkeyPatch
 ) -> None:
+    anew = Mock(return_value=found)
+    monkeypatch.setattr(findings, "identify_and_keep", anew)
     whole = json.loads((copy / NAME).read_bytes())
     content = json.loads(whole["content"])
     content[0]["fields"][field] = value
@@ -156,6 +159,7 @@ def test_a_report_of_a_stranger_s_records_with_wrong_fields_is_estimated_anew(
     digest = hashlib.sha256(text.encode()).hexdigest()
     (copy / NAME).write_text(json.dumps(whole | {"content": text, "digest": digest}))
     assert report(copy).is_file()
+    anew.assert_called_once()
 
 
 def test_findings_of_another_user_are_none_whatever_they_state(

@@ -33,7 +33,7 @@ from hil.results.watch import LEARNING, NAME, Watched
 from hil.runs import SIMULATED
 from hil.runs.run import Run
 from hil.runs.run_folder import RunFolder
-from hil.watching.watcher import Watcher
+from hil.watching.watcher import Watcher, WatchingBus
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -160,7 +160,10 @@ def test_what_was_found_is_stated_kept_and_drawn(pushed: tuple[Path, Result]) ->
     assert not np.isnan(Run.open(folder / "run")["t"].recording.q).any()
 
 
-def test_strokes_raise_no_alarm_and_axes_that_stand_are_named(model: Path, tmp_path: Path) -> None:
+def test_strokes_raise_no_alarm_and_axes_that_stand_are_named(
+    model: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setitem(WatchingBus.__init__.__kwdefaults__, "at_once", 10)  # thrice as fast
     plan, folder = tmp_path / "strokes.yaml", tmp_path / "watch"
     plan.write_bytes(dump_plan(strokes_of((2, 4, 1), 12)).encode())
     done = called("watch", plan, "--model", model, "-o", folder, "--learn", 5, "--repeat", 2)
