@@ -280,6 +280,14 @@ def manutec() -> Robot:
     return Robot.load("manutec-r15")
 
 
+@pytest.fixture(scope="module")
+def without_causes() -> Iterator[None]:
+    """Let no identification look for causes in its recordings, which takes up to two thirds of it."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr("hil.results.identification.proved", lambda *_: None)
+        yield
+
+
 @pytest.fixture
 def ideal_bus(manutec: Robot) -> IdealBus:
     return IdealBus(manutec)

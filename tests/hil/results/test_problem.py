@@ -32,6 +32,8 @@ if TYPE_CHECKING:
     from hil.results.identification import ModelFit
     from hil.runs.recording import Recording
 
+pytestmark = pytest.mark.usefixtures("without_causes")
+
 
 @pytest.fixture(scope="module")
 def strokes(manutec: Robot, tmp_path_factory: pytest.TempPathFactory) -> Run:
@@ -89,6 +91,12 @@ def free(imported: Run) -> ModelFit:
 def both(strokes: Run, imported: Run) -> ModelFit:
     """Regression of both kinds."""
     return hil.regression(strokes, imported).fit()
+
+
+@pytest.fixture(scope="module")
+def plain(strokes: Run) -> ModelFit:
+    """Regression of the strokes without unknowns of the drive train."""
+    return hil.regression(strokes, nuisance=()).fit()
 
 
 def variances(fit: ModelFit) -> np.ndarray:
@@ -198,8 +206,7 @@ def test_parts_of_the_torque_add_up_to_the_prediction(free: ModelFit, imported: 
     np.testing.assert_allclose(free.torque_parts(recording)["left"], left, atol=1e-9)
 
 
-def test_what_is_not_looked_for_is_not_found(strokes: Run) -> None:
-    plain = hil.regression(strokes, nuisance=()).fit()
+def test_what_is_not_looked_for_is_not_found(plain: ModelFit) -> None:
     assert not plain.estimate.drive_train.lag.any()
     assert not plain.estimate.drive_train.soft.any()
 
@@ -223,11 +230,11 @@ def test_errors_are_stated_as_asked(
 
 @pytest.mark.parametrize("option", [{"friction": "Coulomb"}, {"nuisance": ("presliding",)}])
 def test_an_option_for_the_import_with_a_load_leaves_the_strokes_without_it_alone(
-    option: dict[str, Any], strokes: Run, imported: Run, measured: ModelFit
+    option: dict[str, Any], strokes: Run, imported: Run, measured: ModelFit, plain: ModelFit
 ) -> None:
     asked = hil.regression(strokes, loaded=[imported], **option)
-    plain = measured if "friction" in option else hil.regression(strokes, nuisance=()).fit()
-    np.testing.assert_array_equal(asked.bare.estimate.values, plain.estimate.values)
+    alone = measured if "friction" in option else plain
+    np.testing.assert_array_equal(asked.bare.estimate.values, alone.estimate.values)
 
 
 def test_what_cannot_be_asked_is_refused(strokes: Run) -> None:

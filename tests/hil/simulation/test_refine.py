@@ -126,7 +126,7 @@ def test_sensitivities_of_an_arm_are_those_of_difference_quotients():
 
 
 def test_a_model_that_no_bodies_have_is_refined_from_the_nearest_possible_ones():
-    found = refine(model(-1.0, mass_error=5.0), recorded(0, 12.0))
+    found = refine(model(-1.0, mass_error=5.0), recorded(0), restart=0.5)
     assert found.refinement.friction.endswith("beginning with the nearest possible bodies")
     assert found.values[0] > 0
 
