@@ -1,5 +1,6 @@
 """Carriage of known mass and friction, and a simulated recording."""
 
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -26,14 +27,26 @@ def carriage(mass: float = 5.0) -> Model:
 
 def noisy_run(model: Model, seed: int = 0, seconds: float = 12.0, period: float = 0.004) -> Run:
     """Return the motion of a carriage under noisy recorded forces, with rests."""
-    rng, none = np.random.default_rng(seed), np.zeros(1)
-    time = np.arange(0.0, seconds, period)
-    force = (12.0 * np.sin(7.0 * time) + 6.0 * np.sin(2.3 * time + seed) + 0.5)[:, None]
-    drive = Drive(time, force, 0.0 * force, none, none)
-    (q,) = Arm(model, step=period).run([Start(none, none, time, lambda *_: False)], drive)
-    q = q + 1e-5 * rng.standard_normal(q.shape)
-    noisy = force + rng.standard_normal(q.shape)
-    return hil.Run.import_arrays(hil.Robot.load("emps"), time, q, noisy, accept=["friction"])
+    return noisy_runs(model, [seed], seconds, period)[0]
+
+
+def noisy_runs(model: Model, seeds: Sequence[int], seconds: float, period: float) -> list[Run]:
+    """Return `noisy_run` of several seeds, simulated side by side, one after the other in time."""
+    robot, none, time = hil.Robot.load("emps"), np.zeros(1), np.arange(0.0, seconds, period)
+    phases = 6.0 * np.sin(2.3 * time + np.array(seeds)[:, None])
+    forces = (12.0 * np.sin(7.0 * time) + phases + 0.5)[..., None]
+    instants = time + seconds * np.arange(len(seeds))[:, None]
+    drive = Drive(instants.ravel(), np.vstack(forces), 0.0 * np.vstack(forces), none, none)
+    starts = [Start(none, none, own, lambda *_: False) for own in instants]
+    made = []
+    for seed, q, force in zip(
+        seeds, Arm(model, step=period).run(starts, drive), forces, strict=True
+    ):
+        rng = np.random.default_rng(seed)
+        read = q + 1e-5 * rng.standard_normal(q.shape)
+        noisy = force + rng.standard_normal(q.shape)
+        made.append(hil.Run.import_arrays(robot, time, read, noisy, accept=["friction"]))
+    return made
 
 
 def carriage_run() -> Run:
