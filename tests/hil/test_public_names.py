@@ -84,7 +84,7 @@ def test_a_subset_of_measurements_is_identified(campaign: Path) -> None:
     assert {each.measurement.kind for each in gravity} == {"gravity"}
     assert run.only(run.ids[:3]).ids == run.ids[:3]
     fewer = run.exclude([gravity.ids[0]])
-    model = hil.identify(fewer)
+    model = hil.identify(fewer, "published")
     assert model.provenance.without == (gravity.ids[0],)
     with pytest.raises(hil.errors.UnknownName, match="no measurement of kind walk"):
         run.only(kind="walk")

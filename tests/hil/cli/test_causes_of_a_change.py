@@ -14,7 +14,9 @@ from synthetic import TABLE_3_A
 
 from hil.commands import history
 from hil.model.base_parameters import base_parameters
-from hil.results.identification import identify
+from hil.results.findings import identify_and_keep
+from hil.results.model_file import NAME
+from hil.runs.run import Run
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
@@ -42,7 +44,7 @@ def runs(manutec: Robot, tmp_path_factory: pytest.TempPathFactory) -> Path:
         {"bare": TABLE_3_A, "loaded": TABLE_3_A + change, "other_arm": other_arm}.items()
     ):
         run = write_run(place / name, manutec, (manutec, p), seed=seed + 1)
-        identify(run).save(run.path / "model.yaml")
+        identify_and_keep(Run.open(run.path), "improved").model.save(run.path / NAME)
     return place
 
 

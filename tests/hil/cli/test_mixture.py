@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 import numpy as np
+import pytest
 from free_run import write_free_run
 from small_run import write_run
 from trajectory_run import recorded, some_trajectory
@@ -46,6 +47,7 @@ def test_strokes_and_an_import_are_one_identification(
     assert f"together with {csv}; as here" in page
 
 
+@pytest.mark.usefixtures("without_causes")
 def test_unknown_gains_of_an_import_are_found_beside_strokes(
     manutec: Robot, tmp_path: Path
 ) -> None:

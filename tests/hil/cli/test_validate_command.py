@@ -75,7 +75,7 @@ def test_a_part_of_the_model_s_recordings_is_refused_and_what_was_left_out_is_no
 ) -> None:
     first, _ = folders
     run = Run.open(shutil.copytree(first, tmp_path / "copy"))
-    model = identify(run.exclude(run.ids[:1]))
+    model = identify(run.exclude(run.ids[:1]), "published")
     assert recordings_in_common(model.provenance, run) == len(run) - 1
     for name in run.ids[1:]:
         (run.path / "recordings" / f"{name}.h5").unlink()

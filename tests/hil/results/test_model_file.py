@@ -86,12 +86,8 @@ def test_it_says_where_it_comes_from(manutec, model):
     assert origin.left_out == ()
 
 
-def test_identifying_again_gives_the_same_parameters(run, found):
-    assert np.array_equal(identify(Run.open(run)).values, found.values)
-
-
-def test_identifying_writes_nothing(copy):
-    identify(Run.open(copy))
+def test_identifying_again_gives_the_same_parameters_and_writes_nothing(copy, found):
+    assert np.array_equal(identify(Run.open(copy)).values, found.values)
     assert not (copy / NAME).exists()
 
 
