@@ -53,6 +53,9 @@ LONG = (
     "hil/cli/test_try_command.py",
     "hil/watching/test_watch_command.py",
     "drivers/ethercat/test_over_a_cable.py",
+    "hil/estimation/test_trees.py",
+    "hil/estimation/test_excluded.py",
+    "hil/estimation/test_distinguishing.py",
     "hil/report/test_report_of_load_and_diagnosis.py",
     "hil/results/test_measured_load.py",
     "hil/report/test_report_shows_what_identify_found.py",
@@ -90,8 +93,6 @@ LONG = (
     "hil/test_notebook.py",
     "sim_plant/serving/test_foreign_master.py",
     "test_signal_dispositions.py",
-    "hil/estimation/test_excluded.py",
-    "hil/estimation/test_distinguishing.py",
     "hil/cli/test_recording_tutorial.py",
     "hil/imports/test_many_maps.py",
     "hil/live/test_foxglove.py",
@@ -137,7 +138,9 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
         if item.get_closest_marker("long") or fixtures or _place(item.path) is not None:
             item.add_marker("long")
             item.add_marker("no_cover")
-    items.sort(key=lambda item: LONG.index(_place(item.path) or LONG[-1]))
+    # single long tests of other files come first: some take half a minute
+    places = [None, *LONG]
+    items.sort(key=lambda item: places.index(_place(item.path)))
 
 
 def pytest_collection_finish() -> None:
