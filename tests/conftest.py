@@ -284,7 +284,7 @@ def manutec() -> Robot:
 
 
 @pytest.fixture(scope="module")
-def without_causes() -> Iterator[None]:
+def skip_causes() -> Iterator[None]:
     """Let identifications look for no causes, which takes up to two thirds of their time."""
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr("hil.results.identification.proved", lambda *_: None)

@@ -47,7 +47,7 @@ def test_strokes_and_an_import_are_one_identification(
     assert f"together with {csv}; as here" in page
 
 
-@pytest.mark.usefixtures("without_causes")
+@pytest.mark.usefixtures("skip_causes")
 def test_unknown_gains_of_an_import_are_found_beside_strokes(
     manutec: Robot, tmp_path: Path
 ) -> None:

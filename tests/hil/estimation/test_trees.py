@@ -6,7 +6,7 @@ import pytest
 import hil
 
 mujoco = pytest.importorskip("mujoco")
-pytestmark = pytest.mark.usefixtures("without_causes")
+pytestmark = pytest.mark.usefixtures("skip_causes")
 
 ARM = """<body name="{side}_upper" pos="0 {y} 0.4" euler="{turn} 0 0">
   <joint name="{side}_shoulder" axis="0 0 1"/>

@@ -31,7 +31,7 @@ GAINS = np.array([1.08, 0.93, 1.0, 1.05])
 NEVER = ("Ixx", "Ixy", "Ixz", "Iyy", "Iyz", "sz")
 """Load parameters never visible in a SCARA, whose last link turns about the vertical alone."""
 
-pytestmark = pytest.mark.usefixtures("without_causes")
+pytestmark = pytest.mark.usefixtures("skip_causes")
 
 
 @pytest.fixture(scope="module")

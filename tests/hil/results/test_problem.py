@@ -32,7 +32,7 @@ if TYPE_CHECKING:
     from hil.results.identification import ModelFit
     from hil.runs.recording import Recording
 
-pytestmark = pytest.mark.usefixtures("without_causes")
+pytestmark = pytest.mark.usefixtures("skip_causes")
 
 
 @pytest.fixture(scope="module")

@@ -37,7 +37,7 @@ SPEED, ACCELERATION = 0.8, 0.4
 WINDOW = 0.2
 """Following error window, wide for axes without feed-forward [rad]."""
 
-pytestmark = pytest.mark.usefixtures("without_causes")
+pytestmark = pytest.mark.usefixtures("skip_causes")
 
 
 def trajectory(seed: int, cycles: int, period: float, harmonics: int, fast: bool) -> Trajectory:

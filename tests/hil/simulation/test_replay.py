@@ -101,7 +101,7 @@ def test_limits_have_units_of_revolute_or_of_prismatic_joints() -> None:
 
 @at_hand
 @pytest.mark.long
-@pytest.mark.usefixtures("without_causes")
+@pytest.mark.usefixtures("skip_causes")
 def test_emps_is_simulated_from_the_command_and_its_first_samples(tmp_path: Path) -> None:
     from hil.imports.importing import import_recordings
 

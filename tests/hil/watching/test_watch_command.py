@@ -50,7 +50,7 @@ LEARNED = 6.0
 PUSHES = {2: (8.0, 0.10), 4: (9.5, -0.10)}
 """Start of each push [s] and its share of the torque limit, by axis."""
 
-pytestmark = pytest.mark.usefixtures("without_causes")
+pytestmark = pytest.mark.usefixtures("skip_causes")
 
 
 def plan_of(seed: int, cycles: int, period: float, shares: tuple[float, float]) -> Plan:

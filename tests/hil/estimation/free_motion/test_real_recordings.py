@@ -35,7 +35,7 @@ if TYPE_CHECKING:
 
     Array = NDArray[np.float64]
 
-pytestmark = [at_hand, pytest.mark.usefixtures("without_causes")]
+pytestmark = [at_hand, pytest.mark.usefixtures("skip_causes")]
 VOLT = 35.15065188
 RATIO = np.array([32.0, 32.0, 45.0, -48.0, 45.0, 32.0])
 
