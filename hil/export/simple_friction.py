@@ -11,10 +11,11 @@ are odd functions: offset, asymmetry and ripple of the law are left out. Therefo
 approximation comes with its misfit, which includes the omitted parts.
 
 Quadratic damping is that of MuJoCo. It is fitted to simulated motion instead of torque: a mass m
-that coasts from a speed u comes to rest after the distance m times the integral of v / F(v) from 0
-to u. The relative errors of these distances, in both directions, are least squares over the upper
-80 % of the speeds, with a constant torque beside the friction. It takes the place of Coulomb and
-viscous friction where their distances are wrong by `COASTS`.
+that coasts from a speed u has, at a speed v, moved by m times the integral of w / F(w) from v to u
+since the start, within m times the integral of 1 / F(w). The largest difference of positions at the
+law's instants, relative to the law's distance to rest, is least over both directions and `STARTS`
+speeds, with a constant torque beside the friction. Quadratic damping takes the place of Coulomb and
+viscous friction where their positions are wrong by `COASTS`.
 """
 
 from __future__ import annotations
@@ -30,7 +31,7 @@ from hil.results.identified_robot import friction_alone, known_friction, lacking
 from hil.show.rounding import percent, significant
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator
+    from collections.abc import Callable, Iterator
 
     from hil.arrays import Array
     from hil.friction.law import AxisLaw
@@ -40,11 +41,15 @@ if TYPE_CHECKING:
 NOTABLE = 1e-6
 """Smallest part, as a share of friction, that is not rounding."""
 COASTS = 0.01
-"""Allowed relative error of distances to rest: half of 2 %, the rest is for the time step."""
-SLOW = 0.2
-"""Slowest start of coasting, as a share of the fastest speed. Of shares from 0.05 to 0.25, this one
-has the least error of positions, 1.5 % of the distance for 54 identified laws of Stribeck friction.
-"""
+"""Allowed error of positions relative to the distance to rest: half of 2 %, the rest is for the
+time step."""
+SLOW, STARTS = 0.25, 5
+"""Slowest start of coasting, as a share of the fastest speed, and number of starts, spaced by
+ratio. Quadratic damping misses laws of Stribeck friction by 2 % from slower starts."""
+POWERS = (1, 4, 16)
+"""Powers of the errors whose sums of squares are least in turn; the last sum is of large errors."""
+GRID = 100
+"""Number of intervals of speed for integrals over it."""
 
 
 class Stribeck(NamedTuple):
@@ -167,39 +172,58 @@ def _coasting(v: Array, odd: Array, even: Array, plain: Quadratic) -> Quadratic:
     """Return `plain`, or quadratic damping that never drives and coasts nearer to the law."""
     if (np.abs(even) >= odd).any():  # one direction drives
         return plain
-    u = np.concatenate([[0.0], v])  # below the slowest speed friction is that of this speed
-    powers, starts = np.vander(u, 3, increasing=True), v >= SLOW * v[-1]
-
-    def distances(friction: Array) -> Array:
-        way = integrate.cumulative_trapezoid(u / np.maximum(friction, NOTABLE * odd.max()), u)
-        return np.asarray(way[..., starts])
-
-    def both(odd: Array, even: Array) -> Array:
-        return distances(np.stack([odd + even, odd - even]))
-
-    law = both(*(np.concatenate([each[:1], each]) for each in (odd, even)))
-
-    def errors(found: Array) -> Array:
-        return np.asarray((both(powers @ found[:3], found[3]) / law - 1.0).ravel())
-
-    start = np.array(plain[:4])
+    errors, start = _position_errors(v, odd, even), np.array(plain[:4])
     if np.abs(errors(start)).max() <= COASTS:
         return plain
     scale = odd.max() / v[-1] ** np.array([0, 1, 2, 0])
-    low = [0.0, -np.inf, 0.0, -np.inf]
+    low, x = [0.0, -np.inf, 0.0, -np.inf], start / scale
+    for power in POWERS:
+        unit = float(np.abs(errors(scale * x)).max())
 
-    def scaled(x: Array) -> Array:
-        return errors(scale * x)
+        def powers(x: Array, power: int = power, unit: float = unit) -> Array:
+            return np.asarray((errors(scale * x) / unit) ** power)
 
-    found = scale * optimize.least_squares(scaled, start / scale, bounds=(low, np.inf)).x
+        x = optimize.least_squares(powers, x, bounds=(low, np.inf)).x
+    found = scale * x
     if found[2] * v[-1] ** 2 <= NOTABLE * odd.max():  # not beyond the rounding of the bound
         found[2] = 0.0
     c, b, d, constant = found.tolist()
     nearer = np.abs(errors(found)).max() < np.abs(errors(start)).max()
     if not nearer or (b < 0 and b**2 >= 4 * c * d):
         return plain
-    left = float(np.linalg.norm(odd - powers[1:] @ found[:3]))
+    left = float(np.linalg.norm(odd - np.vander(v, 3, increasing=True) @ found[:3]))
     return Quadratic(c, b, d, constant, _misfit(left, even))
+
+
+def _position_errors(v: Array, odd: Array, even: Array) -> Callable[[Array], Array]:
+    """Return a function from c, b, d and constant torque to relative errors of coasting."""
+    starts = np.geomspace(SLOW, 1.0, STARTS) * v[-1]
+    u = np.union1d(np.linspace(0.0, v[-1], GRID + 1), starts)
+    at, powers = np.searchsorted(u, starts), np.vander(u, 3, increasing=True)
+
+    def coasted(friction: Array) -> tuple[Array, Array]:
+        """Return time and distance that are left at each speed."""
+        slowness = 1.0 / np.maximum(friction, NOTABLE * odd.max())
+        time, way = (
+            np.asarray(integrate.cumulative_trapezoid(each, u, initial=0), dtype=np.float64)
+            for each in (slowness, u * slowness)
+        )
+        return time, way
+
+    # below the slowest speed friction is that of this speed
+    laws = [(side, *coasted(np.interp(u, v, odd + side * even))) for side in (1.0, -1.0)]
+
+    def errors(found: Array) -> Array:
+        moved = []
+        for side, time, way in laws:
+            times, ways = coasted(powers @ found[:3] + side * found[3])
+            for k in at.tolist():
+                left = np.interp(times[k] - time[k] + time[: k + 1], times, ways)
+                ahead = ways[k] - left - (way[k] - way[: k + 1])
+                moved += [ahead / way[k], ways[k : k + 1] / way[k] - 1.0]
+        return np.concatenate(moved)
+
+    return errors
 
 
 def _misfit(left: float, even: Array) -> float:

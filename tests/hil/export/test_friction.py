@@ -26,6 +26,10 @@ from hil.friction.law import AxisLaw, FrictionLaw, TermValue
 from hil.model.robot import Robot
 
 if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from numpy.typing import NDArray
+
     from hil.results.model import Model
 
 
@@ -106,6 +110,29 @@ def test_quadratic_damping_comes_to_rest_where_the_law_does() -> None:
         quadratic, plain = (np.abs(way / ways[0] - 1).max() for way in ways[1:])
         assert quadratic < 0.02 < plain
         assert misfit < each.misfit
+
+
+def test_positions_of_coasting_in_both_directions_are_those_of_the_law() -> None:
+    terms = {"Coulomb": 5.0, "viscous": 3.0, "arc_tangent": -2.0, "asymmetric": 0.2, "offset": 0.1}
+    each = simple_friction(set_terms(**terms))[0]
+    c, b, d, constant, _ = each.coasting
+    speeds, h = np.concatenate([[0.0], each.speeds]), 1e-4
+
+    def coast(speed: float, friction: Callable[[float], float]) -> NDArray[np.float64]:
+        found = [0.0]
+        while len(found) < 10000:
+            after = max(0.0, speed - h * friction(speed))
+            found.append(found[-1] + h * (speed + after) / 2)
+            speed = after
+        return np.array(found)
+
+    for law, side in ((each.forward, 1.0), (-each.backward, -1.0)):
+        own = np.concatenate([law[:1], law])
+        for share in (0.25, 0.4, 0.6, 1.0):
+            start = share * each.speeds[-1]
+            wanted = coast(start, lambda v, own=own: float(np.interp(v, speeds, own)))
+            found = coast(start, lambda v, side=side: c + b * v + d * v**2 + side * constant)
+            assert np.abs(found - wanted).max() < 0.02 * wanted[-1]
 
 
 def test_damping_without_a_quadratic_part_is_one_number_that_every_mujoco_reads() -> None:
