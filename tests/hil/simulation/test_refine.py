@@ -126,6 +126,23 @@ def test_sensitivities_of_an_arm_are_those_of_difference_quotients():
         np.testing.assert_allclose(changes[:, :, 12 + k], expected, atol=0.08 * size)
 
 
+def test_wrong_initial_states_of_stretches_move_no_parameters():
+    layout = Layout(model(5.4), plain=False)
+    lanes = Lanes.create(recorded(5, 4.0), model(), None, 0.5)
+    rng, weights, found = np.random.default_rng(0), np.ones(1), []
+    moved = [
+        each._replace(q=each.q + 1e-3 * rng.normal(), qd=each.qd + 1e-2 * rng.normal())
+        for each in lanes.starts
+    ]
+    for starts in (lanes.starts, tuple(moved)):
+        simulations = Simulations(layout, replace(lanes, starts=starts))
+        fit = simulations.run(layout.start)
+        left, _ = simulations.response(fit, np.arange(len(starts)), weights)
+        found.append((np.concatenate(fit.positions), np.concatenate(left)))
+    positions, residuals = (np.std(b - a) for a, b in zip(*found, strict=True))
+    assert residuals < 0.1 * positions
+
+
 def test_a_model_that_no_bodies_have_is_refined_from_the_nearest_possible_ones():
     found = refine(model(-1.0, mass_error=5.0), recorded(0), restart=0.5)
     assert found.refinement.friction.endswith("beginning with the nearest possible bodies")
