@@ -157,6 +157,11 @@ class RobotArrays:
         """Links that carry no other, from 0."""
         return tuple(link for link in range(self.n_joints) if self.next_link(link) is None)
 
+    @property
+    def branches(self) -> tuple[tuple[int, ...], ...]:
+        """Links from the base to each last link, from 0; a chain is its only branch."""
+        return tuple(self.path(last) for last in self.last_links)
+
     gamma = _per_joint(lambda joint: joint.frame.gamma or 0.0)
     """Angles about the parents' z axes, before those about x [rad]."""
     alpha = _per_joint(lambda joint: joint.frame.alpha)

@@ -1,4 +1,4 @@
-"""Periodic trajectory of all joints, as data: the measurement of conventional identification.
+"""Periodic trajectory of all joints, or of a branch, as data: conventional identification.
 
 Every joint follows a finite Fourier series (Swevers et al., *Optimal robot excitation and
 identification*, IEEE Trans. Robotics and Automation 13, 1997),
@@ -43,7 +43,7 @@ _WHY = {"acceleration": f", {ACCELERATION_SHARE:.0%} of its limit, to allow for 
 
 
 class Trajectory(FileModel):
-    """Fourier series of all joints, streamed set-point by set-point.
+    """Fourier series of joints, streamed set-point by set-point; joints without amplitudes rest.
 
     Attributes
     ----------
@@ -82,18 +82,20 @@ class Trajectory(FileModel):
 
     @property
     def moved(self) -> tuple[int, ...]:
-        """Joint indices of all axes, from 0; all move."""
-        return tuple(range(len(self.q)))
+        """Joint indices of the moving axes, from 0, with amplitudes."""
+        rows = enumerate(zip(self.sine, self.cosine, strict=True))
+        return tuple(joint for joint, (sine, cosine) in rows if any(sine) or any(cosine))
 
     @property
     def read(self) -> tuple[int, ...]:
-        """Joint indices of all axes, from 0; all torques are read."""
+        """Joint indices of the axes whose torques are read, from 0: all that move."""
         return self.moved
 
     @property
     def axes_in_words(self) -> str:
         """Moving axes in words."""
-        return "all axes"
+        some = ", ".join(str(joint + 1) for joint in self.moved)
+        return "all axes" if len(self.moved) == len(self.q) else f"axes {some}"
 
     @property
     def preparation(self) -> float:

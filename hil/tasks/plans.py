@@ -265,25 +265,30 @@ def _trajectory(
     warm_up: float = 0.0,
     drives: Path | None = None,
 ) -> Designed:
-    """Design a periodic trajectory within the limits, repeated as time permits."""
+    """Design a periodic trajectory of each branch within the limits, repeated as time permits."""
     from hil.planning.design import trajectories
     from hil.planning.plan import make_plan
     from hil.tasks.robot_drives import following_of, known_drives
 
     robot = _required(robot)
     period, harmonics = period or trajectories.PERIOD, harmonics or trajectories.HARMONICS
-    cycles = max(1, round(60 * minutes / period))
+    branches = range(len(robot.branches))
+    cycles = max(1, round(60 * minutes / period / len(branches)))
     following = following_of(known_drives(robot, drives))
     now(f"optimising a trajectory of {robot.n_joints} axes and {harmonics} harmonics")
-    found = trajectories.design_trajectory(
-        robot, period, cycles, criterion, seed,
-        harmonics=harmonics, speed=following.speed if following else None,
-    )  # fmt: skip
-    plan = make_plan(robot, (found,), warm_up)
-    condition = trajectories.condition(robot, found)
-    return Designed(
-        plan, robot, (f"{cycles} periods of {period:g} s, condition number {condition:.3g}",)
+    found = [
+        trajectories.design_trajectory(
+            robot, period, cycles, criterion, seed, branch=branch,
+            harmonics=harmonics, speed=following.speed if following else None,
+        )
+        for branch in branches
+    ]  # fmt: skip
+    notes = tuple(
+        f"{cycles} periods of {period:g} s of {each.axes_in_words}, condition number "
+        f"{trajectories.condition(robot, each):.3g}"
+        for each in found
     )
+    return Designed(make_plan(robot, found, warm_up), robot, notes)
 
 
 def _load(

@@ -230,7 +230,7 @@ def design_within(
     selection = Selection(guarded, options)
     for number in core:
         selection.take(number)
-    if not with_trajectories:  # each period of a trajectory moves all axes
+    if not with_trajectories:  # each period of a trajectory moves all axes of a branch
         _reserve(robot, selection)
     budget, least = 60 * minutes - warm_up, len(selection.chosen)
     order = _fill(robot, selection, budget, least, workspace)

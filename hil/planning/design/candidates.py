@@ -17,6 +17,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from itertools import product
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -124,9 +125,9 @@ def trajectories(
     noise = noise.sampled(robot, period)
     mean = noise.mean(THINNED)
     found: list[Option] = []
-    for seed in range(DIFFERENT):
+    for seed, branch in product(range(DIFFERENT), range(len(robot.branches))):
         wave = design_trajectory(
-            robot, cycles=BLOCK, seed=seed, search=SEARCH, name=f"t{seed + 1:02d}"
+            robot, cycles=BLOCK, seed=seed, search=SEARCH, name=f"t{seed + 1:02d}", branch=branch
         )
         if not keeps_clear(robot, workspace, wave.motion(np.linspace(0.0, wave.period, 1000))[0]):
             continue

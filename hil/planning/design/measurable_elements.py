@@ -324,10 +324,9 @@ def candidates(robot: Robot, element: Element, workspace: Workspace | None) -> A
     if joints:
         points = halton(CANDIDATES, len(joints))
         q[:, joints] = middle[joints] + (2 * points - 1) * half[joints]
-    branches = [robot.path(last) for last in robot.last_links]
-    for number, branch in enumerate(branches):
+    for number, branch in enumerate(robot.branches):
         others = [joint for joint in joints if joint not in branch]
-        q[number :: len(branches), others] = middle[others]
+        q[number :: len(robot.branches), others] = middle[others]
     return _clear(robot, workspace, element.strokes, q) if workspace else q
 
 

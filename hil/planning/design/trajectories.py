@@ -37,6 +37,8 @@ from hil.planning.prediction.precision import torque_scale
 from hil.planning.trajectory import ACCELERATION_SHARE, Trajectory
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
     from hil.arrays import Array
     from hil.model.robot import Robot
     from hil.planning.plan import Plan
@@ -50,6 +52,8 @@ HARMONICS = 15
 1.9 times as large."""
 SAMPLES = 20
 """Instants per harmonic in a period, used to evaluate limits and regressor."""
+RANDOM = 1000
+"""Number of random states for the rank of a branch's regressor."""
 SHARE = 0.9
 """Usable share of range and velocity limit."""
 
@@ -73,8 +77,9 @@ def design_trajectory(
     name: str = "trajectory",
     harmonics: int = HARMONICS,
     speed: Array | None = None,
+    branch: int = 0,
 ) -> Trajectory:
-    """Find an exciting trajectory within the limits of `robot`.
+    """Find an exciting trajectory within the limits of `robot`, of one branch of a tree.
 
     Parameters
     ----------
@@ -89,38 +94,38 @@ def design_trajectory(
     search : Search, optional
         Search effort.
     name : str
-        Id of the measurement.
+        Id of the measurement, followed by the number of the branch of a tree.
     harmonics : int
         Harmonics of each joint's Fourier series, at least 2.
     speed : ndarray, shape (n_joints,), optional
         Speed bound of each axis that limits its following error [rad/s or m/s].
+    branch : int
+        Index of the branch that moves in `robot.branches`.
 
     Raises
     ------
     ValueError
-        Too few harmonics for rest at the beginning of a period, or a tree.
+        Too few harmonics for rest at the beginning of a period.
     """
-    if not robot.is_chain:
-        raise ValueError(
-            f"{robot.name}: a trajectory moves all axes at once, and branches of a tree are not"
-            " checked for clearance from each other; plan strokes (hil plan --kind strokes), which"
-            " move one branch at a time, or import a recording of a motion that you checked"
-        )
     effort = search or Search()
-    basis = Basis(robot, period, harmonics, speed)
+    basis = Basis(robot, period, harmonics, speed, branch)
     rng = np.random.default_rng(seed)
     starts = [basis.random(rng) for _ in range(effort.random)]
     values = [basis.judge(x, criterion) for x in starts]
     best = np.argsort(values)[: effort.refined]
     found = [_refine(basis, starts[k], criterion, effort.steps) for k in best]
     x = min([*found, starts[best[0]]], key=lambda each: basis.judge(each, criterion))
-    return basis.trajectory(x, cycles, name)
+    return basis.trajectory(x, cycles, name if robot.is_chain else f"{name}{branch + 1}")
 
 
 class Basis:
-    """Trajectories at rest at the beginning of a period, linear in the unknowns.
+    """Trajectories of a branch at rest at the beginning of a period, linear in the unknowns.
 
-    The unknowns `x`, shape (n_unknowns, n_joints), are of order one: first a joint's mean as a
+    Joints of other branches rest in the middle of their ranges, since branches are not checked for
+    clearance from each other. The observation matrix has a column for each combination of
+    parameters that such motion shows.
+
+    The unknowns `x`, shape (n_unknowns, n_moved), are of order one: first a joint's mean as a
     share of half its range, then amplitudes as shares of the largest amplitudes within the velocity
     limit.
 
@@ -132,6 +137,8 @@ class Basis:
         Number of harmonics, at least 2.
     speed : ndarray, shape (n_joints,), optional
         Additional bound of each joint's speed [rad/s or m/s].
+    branch : int
+        Index of the branch that moves.
 
     Raises
     ------
@@ -140,7 +147,12 @@ class Basis:
     """
 
     def __init__(
-        self, robot: Robot, period: float, harmonics: int = HARMONICS, speed: Array | None = None
+        self,
+        robot: Robot,
+        period: float,
+        harmonics: int = HARMONICS,
+        speed: Array | None = None,
+        branch: int = 0,
     ) -> None:
         if harmonics < 2:
             raise ValueError(
@@ -149,7 +161,7 @@ class Basis:
             )
         self._robot, self._period = robot, period
         self._n_samples = SAMPLES * harmonics
-        self._units = units(robot)
+        self._moved = list(robot.branches[branch])
         k = np.arange(1, harmonics + 1)
         order = 2 * np.pi / period * k
         phase = np.outer(np.arange(self._n_samples) * period / self._n_samples, order)
@@ -163,13 +175,16 @@ class Basis:
             np.hstack([zero, (c * order) @ self._sines, -(s * order) @ self._cosines]),
             np.hstack([zero, -(s * order**2) @ self._sines, -(c * order**2) @ self._cosines]),
         )
-        self._middle = (robot.q_max + robot.q_min) / 2
-        self._reach = SHARE * (robot.q_max - robot.q_min) / 2
+        self._rest = (robot.q_max + robot.q_min) / 2
+        self._middle = self._rest[self._moved]
+        reach = SHARE * (robot.q_max - robot.q_min) / 2
         # 0.98: acceleration between the samples is up to 1.2 % larger, 1 - cos(pi / SAMPLES),
         # and drives round their limits
         acceleration = 0.98 * ACCELERATION_SHARE * robot.acceleration_limit
         fastest = np.minimum(SHARE * robot.velocity_limit, np.inf if speed is None else speed)
-        self._limits = np.stack([self._reach, fastest, acceleration])
+        self._limits = np.stack([reach, fastest, acceleration])[:, self._moved]
+        self._reach, self._speed = self._limits[0], robot.velocity_limit[self._moved]
+        self._shown = shown(robot, self._moved)
 
     @property
     def n_unknowns(self) -> int:
@@ -178,8 +193,8 @@ class Basis:
 
     def random(self, rng: np.random.Generator) -> Array:
         """Return random unknowns on the boundary of the limits."""
-        x = rng.standard_normal((self.n_unknowns, self._robot.n_joints))
-        x[0] = rng.uniform(-0.5, 0.5, self._robot.n_joints)
+        x = rng.standard_normal((self.n_unknowns, len(self._moved)))
+        x[0] = rng.uniform(-0.5, 0.5, len(self._moved))
         return self.within(x, fill=True)
 
     def within(self, x: Array, *, fill: bool = False) -> Array:
@@ -197,18 +212,18 @@ class Basis:
 
     def judge(self, x: Array, criterion: ExcitationCriterion) -> float:
         """Evaluate the criterion for unknowns scaled to fit the limits."""
-        W = self._matrix(*self._motion(self.within(x)))
+        W = _stack(self._rows(*self._motion(self.within(x))))
         sizes = np.linalg.svd(W, compute_uv=False)
         return _value(np.asarray(sizes, dtype=float), criterion)
 
     def cost(self, x: Array, criterion: ExcitationCriterion, penalty: float) -> tuple[float, Array]:
         """Compute the criterion with penalties for exceeded limits, and the gradient."""
         motion = self._motion(x)
-        u, sizes, vt = np.linalg.svd(self._matrix(*motion), full_matrices=False)
-        shape = (self._n_samples, self._robot.n_joints, -1)
+        u, sizes, vt = np.linalg.svd(_stack(self._rows(*motion)), full_matrices=False)
+        n = len(self._moved)
+        shape = (self._n_samples, n, -1)
         G = ((u * _slope(sizes, criterion)) @ vt).reshape(shape)
         # the derivative of sum G_ij W_ij by every joint's q, qd and qdd per instant
-        n = self._robot.n_joints
         # central differences by 1e-5 of a limit, about the cube root of the rounding error
         steps = (1e-5 * np.maximum(self._limits, 1e-9)).ravel()
         moved = np.repeat(np.stack(motion)[:, np.newaxis], 6 * n, axis=1)
@@ -216,8 +231,7 @@ class Basis:
             part, joint = divmod(k, n)
             moved[part, 2 * k, :, joint] += step
             moved[part, 2 * k + 1, :, joint] -= step
-        A = regressor(self._robot, *moved) / self._units
-        sums = np.einsum("rsij,sij->rs", A, G)
+        sums = np.einsum("rsij,sij->rs", self._rows(*moved), G)
         found = (sums[::2] - sums[1::2]) / (2 * steps[:, np.newaxis])
         slopes = list(found.reshape(3, n, -1).swapaxes(1, 2))
         total = _value(sizes, criterion)
@@ -229,31 +243,40 @@ class Basis:
         parts = [m.T @ slope for m, slope in zip(self._maps, slopes, strict=True)]
         gradient: Array = np.sum(parts, axis=0)
         gradient[0] *= self._reach
-        gradient[1:] *= self._robot.velocity_limit
+        gradient[1:] *= self._speed
         return total, gradient
 
     def trajectory(self, x: Array, cycles: int, name: str) -> Trajectory:
         """Convert unknowns to a measurement."""
         x = self.within(x)
         n = self._sines.shape[1]
-        amplitudes = x[1:] * self._robot.velocity_limit
-        sine, cosine = self._sines @ amplitudes[:n], self._cosines @ amplitudes[n:]
+        amplitudes = x[1:] * self._speed
+        q, waves = self._rest.copy(), np.zeros((2, len(self._rest), len(self._sines)))
+        q[self._moved] = self._middle + self._reach * x[0]
+        waves[:, self._moved] = [
+            (self._sines @ amplitudes[:n]).T,
+            (self._cosines @ amplitudes[n:]).T,
+        ]
+        sine, cosine = waves.tolist()
         return Trajectory(
             id=name,
-            q=tuple(self._middle + self._reach * x[0]),
+            q=tuple(q.tolist()),
             period=self._period,
             cycles=cycles,
-            sine=tuple(map(tuple, sine.T.tolist())),
-            cosine=tuple(map(tuple, cosine.T.tolist())),
+            sine=tuple(map(tuple, sine)),
+            cosine=tuple(map(tuple, cosine)),
         )
 
     def _motion(self, x: Array) -> tuple[Array, Array, Array]:
-        scaled = np.vstack([self._reach * x[:1], self._robot.velocity_limit * x[1:]])
+        scaled = np.vstack([self._reach * x[:1], self._speed * x[1:]])
         q, qd, qdd = (m @ scaled for m in self._maps)
         return q + self._middle, qd, qdd
 
-    def _matrix(self, q: Array, qd: Array, qdd: Array) -> Array:
-        return _stack(regressor(self._robot, q, qd, qdd) / self._units)
+    def _rows(self, *motion: Array) -> Array:
+        whole = np.zeros((3, *motion[0].shape[:-1], len(self._rest)))
+        whole[0] = self._rest
+        whole[..., self._moved] = motion
+        return _observed(self._robot, self._moved, self._shown, *whole)
 
 
 def units(robot: Robot) -> Array:
@@ -264,7 +287,33 @@ def units(robot: Robot) -> Array:
 def condition(robot: Robot, trajectory: Trajectory) -> float:
     """Compute the condition number of the scaled observation matrix over a period."""
     t = np.arange(1000) * trajectory.period / 1000
-    return float(np.linalg.cond(_stack(regressor(robot, *trajectory.motion(t)) / units(robot))))
+    moved = trajectory.moved
+    A = _observed(robot, moved, shown(robot, moved), *trajectory.motion(t))
+    return float(np.linalg.cond(_stack(A)))
+
+
+def shown(robot: Robot, moved: Sequence[int]) -> Array | None:
+    """Return the combinations of parameters that motion of some joints shows, (n_base, n_shown).
+
+    Other joints rest in the middle of their ranges. None if all joints move, which shows all
+    parameters.
+    """
+    if len(moved) == robot.n_joints:
+        return None
+    rng, middle = np.random.default_rng(0), (robot.q_max + robot.q_min) / 2
+    limits = [(robot.q_max - robot.q_min) / 2, robot.velocity_limit, robot.acceleration_limit]
+    motion = rng.uniform(-1.0, 1.0, (RANDOM, 3, robot.n_joints)).swapaxes(0, 1)
+    motion *= np.array(limits)[:, np.newaxis] * np.isin(np.arange(robot.n_joints), moved)
+    W = _stack(_observed(robot, moved, None, motion[0] + middle, *motion[1:]))
+    return np.asarray(np.linalg.svd(W, full_matrices=False)[2][: np.linalg.matrix_rank(W)].T)
+
+
+def _observed(
+    robot: Robot, moved: Sequence[int], columns: Array | None, q: Array, qd: Array, qdd: Array
+) -> Array:
+    """Return scaled rows of some joints, for all parameters or combinations of parameters."""
+    A = regressor(robot, q, qd, qdd, joints=moved) / units(robot)[list(moved)]
+    return A if columns is None else A @ columns
 
 
 def _stack(A: Array) -> Array:
@@ -323,6 +372,9 @@ def design_validation(robot: Robot) -> Plan:
     The motion only has to differ from that of `hil plan --kind trajectory`, used for
     identification, so the search is short, with another seed.
     """
-    effort = Search(random=100, refined=1, steps=10)
-    found = design_trajectory(robot, cycles=3, seed=22, search=effort, name="validation")
-    return make_plan(robot, [found])
+    effort, name = Search(random=100, refined=1, steps=10), "validation"
+    found = [
+        design_trajectory(robot, cycles=3, seed=22, search=effort, name=name, branch=branch)
+        for branch in range(len(robot.branches))
+    ]
+    return make_plan(robot, found)

@@ -166,8 +166,8 @@ def test_no_criterion_minds_the_units_of_parameters(
     value = Basis(robot, 10.0).judge(x, criterion)
     finer = np.geomspace(1.0, 1e4, len(TABLE_3_A))
 
-    def convert_units(*motion: Any) -> Any:
-        return regressor(*motion) / finer
+    def convert_units(*motion: Any, **joints: Any) -> Any:
+        return regressor(*motion, **joints) / finer
 
     monkeypatch.setattr(trajectories, "regressor", convert_units)
     monkeypatch.setattr(precision, "regressor", convert_units)

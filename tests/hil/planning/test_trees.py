@@ -14,10 +14,12 @@ from hil.ground_truth.true_parameters import true_parameters
 from hil.model.capsules import capsules, link_reaches, segments
 from hil.model.load import load_columns
 from hil.model.robot import Robot
+from hil.planning.design import candidates
 from hil.planning.design.by_counts import design
-from hil.planning.design.trajectories import design_trajectory
+from hil.planning.design.trajectories import Basis, Search, condition, design_trajectory
 from hil.planning.dry_run import dry_run
 from hil.planning.measurement import Coupling, Gravity, Inertia
+from hil.planning.plan import make_plan
 from hil.planning.prediction.noise import stated_noise
 from hil.planning.prediction.precision import predict
 from sim_plant.twin.write import write_twin
@@ -47,11 +49,42 @@ def test_a_plan_of_strokes_moves_one_branch_at_a_time_and_shows_all_parameters(
     assert (found.effect < 0.001).all()
 
 
-def test_motions_of_all_branches_at_once_and_loads_are_refused_with_what_to_do(
-    robot: Robot, tmp_path: Path
+def test_a_trajectory_moves_one_branch_and_those_of_all_branches_show_all_parameters(
+    robot: Robot,
 ) -> None:
-    with pytest.raises(ValueError, match=r"moves all axes at once, .* plan strokes"):
-        design_trajectory(robot)
+    middle, search = (robot.q_min + robot.q_max) / 2, Search(random=20, refined=1, steps=8)
+    waves = [design_trajectory(robot, search=search, branch=branch) for branch in (0, 1)]
+    assert [each.id for each in waves] == ["trajectory1", "trajectory2"]
+    assert [each.moved for each in waves] == [(0, *LEFT), (0, *RIGHT)]
+    for each, resting in zip(waves, (RIGHT, LEFT), strict=True):
+        path = each.path(0.004)
+        assert (path[:, resting] == middle[resting]).all()
+        assert condition(robot, each) < 100.0
+    assert not dry_run(make_plan(robot, waves), robot).problems
+    found = predict(robot, waves, 0.004, stated_noise(robot))
+    assert (found.effect < 0.01).all()
+    (one,) = predict(robot, waves[:1], 0.004, stated_noise(robot)).effect[-1:]
+    assert one > 0.1
+
+
+def test_the_gradient_of_a_branch_is_that_of_the_cost(robot: Robot) -> None:
+    basis = Basis(robot, 10.0, branch=1)
+    x = 1.2 * basis.random(np.random.default_rng(1))
+    _, gradient = basis.cost(x, "det", 3.0)
+    some = np.random.default_rng(2).normal(size=x.shape)
+    ends = [basis.cost(x + side * 1e-6 * some, "det", 3.0)[0] for side in (-1, 1)]
+    assert np.sum(gradient * some) == pytest.approx((ends[1] - ends[0]) / 2e-6, rel=1e-3)
+
+
+def test_a_plan_by_minutes_may_have_trajectories_of_all_branches(
+    robot: Robot, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(candidates, "SEARCH", Search(random=2, refined=1, steps=1))
+    options = candidates.trajectories(robot, None, 0.008, stated_noise(robot), 0.5)
+    assert {each.measurement.moved for each in options} == {(0, *LEFT), (0, *RIGHT)}
+
+
+def test_loads_are_refused_with_what_to_do(robot: Robot) -> None:
     with pytest.raises(NoLoad, match=r"2 last links, .* the branch of the load alone: .* --to"):
         load_columns(robot)
 
