@@ -20,6 +20,7 @@ from hil.runs.run_folder import RunFolder
 if TYPE_CHECKING:
     from pathlib import Path
 
+    from hil.arrays import Array
     from hil.model.robot import Robot
     from hil.planning.trajectory import Trajectory
 
@@ -41,6 +42,7 @@ def recorded(
     root: float = 0.0,
     load: float = 0.0,
     offset: float = 0.0,
+    p: Array = TABLE_3_A,
 ) -> list[tuple[Trajectory, Recording]]:
     """Return the recording of ideal drives.
 
@@ -51,6 +53,8 @@ def recorded(
         shares of the torque limit.
     load : float
         Share of the transmitted torque that is friction.
+    p : ndarray, shape (n_base,)
+        Base parameters.
     """
     n = len(trajectory.path(PERIOD))
     time = PERIOD * np.arange(n)
@@ -58,7 +62,7 @@ def recorded(
     q, qd, qdd = trajectory.motion(t)
     v = qd / robot.velocity_limit
     level = COULOMB * np.sign(v) + VISCOUS * v + root * np.cbrt(v)
-    links = inverse_dynamics(robot, TABLE_3_A, q, qd, qdd)
+    links = inverse_dynamics(robot, p, q, qd, qdd)
     tau = links + load * np.abs(links) * np.sign(qd) + motor_torque(robot, q, qd, qdd)
     rng = np.random.default_rng(1)
     level = level + offset + noise * rng.standard_normal(q.shape)

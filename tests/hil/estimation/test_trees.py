@@ -1,9 +1,18 @@
 """A tree is identified from recordings that MuJoCo made: two arms on a torso that turns."""
 
+from pathlib import Path
+
 import numpy as np
 import pytest
+from possible_models import possible
+from small_run import SIMULATED
+from trajectory_run import recorded
 
 import hil
+from hil.planning.design.trajectories import Search, design_trajectory
+from hil.planning.plan import make_plan
+from hil.runs.recording_file import Measured
+from hil.runs.run_folder import RunFolder
 
 mujoco = pytest.importorskip("mujoco")
 pytestmark = pytest.mark.usefixtures("skip_causes")
@@ -86,3 +95,20 @@ def test_intervals_hold_the_truth_as_often_as_they_state(tmp_path):
     assert 0.886 <= np.mean(held) <= 1.0
     other = hil.Run.import_arrays(robot, *record(mujoco.MjModel.from_xml_string(TEXT), 9))
     assert hil.validate(model, other).word == "good"
+
+
+def test_trajectories_of_one_branch_after_another_identify_the_tree(tmp_path):
+    robot = hil.Robot.load(Path(__file__).parents[2] / "robots" / "two-arms.yaml")
+    p, search = possible(robot, 3)[0], Search(random=20, refined=1, steps=8)
+    waves = [design_trajectory(robot, cycles=6, search=search, branch=k) for k in (0, 1)]
+    folder = RunFolder.create(tmp_path / "run", make_plan(robot, waves), robot)
+    with folder.session(SIMULATED) as session:
+        for wave in waves:
+            ((_, recording),) = recorded(robot, wave, noise=0.002, p=p)
+            folder.write(Measured(wave, recording, session=session))
+    model = hil.identify(hil.Run.open(tmp_path / "run"))
+    low, high = model.interval().T
+    assert np.mean((low <= p) & (p <= high)) > 0.85
+    A = hil.regressor(robot, *np.random.default_rng(0).uniform(-1.0, 1.0, (3, 200, 6)))
+    size = np.sqrt(np.mean((A @ p) ** 2, axis=0))
+    assert (np.sqrt(np.mean((A @ (model.values - p)) ** 2, axis=0)) < 0.001 * size).all()
