@@ -88,7 +88,7 @@ class Trajectory(FileModel):
 
     @property
     def read(self) -> tuple[int, ...]:
-        """Joint indices of the axes whose torques are read, from 0: all that move."""
+        """Joint indices of the axes whose torques are read, from 0."""
         return self.moved
 
     @property

@@ -61,8 +61,8 @@ class Refinement(FileModel):
         )
         if not self.kept:
             return (
-                f"simulation did not improve the model: {self.ratio:.2f} times the position error"
-                f" {where}; the regression's parameters are kept ({self.friction})"
+                f"simulation did not improve the model beyond chance: {self.ratio:.2f} times the"
+                f" position error {where}; the regression's parameters are kept ({self.friction})"
             )
         return (
             f"refined by simulation: {self.ratio:.2f} times the regression's position error"

@@ -22,8 +22,9 @@ stretches are cut into at least `FEW_BLOCKS` pieces. The scatter of the draws' g
 of independent samples is the design effect, by which samples count less, and the covariance is that
 of the jackknife over the draws.
 
-The last quarter of the stretches decides between start and refined parameters; the kept ones are
-then fitted to all stretches.
+The last quarter of the stretches decides between start and refined parameters, by the rule of one
+standard error (Breiman et al., Classification and Regression Trees, 1984): refined parameters are
+refused if their gain is within the standard error, or else fitted to all stretches.
 """
 
 from __future__ import annotations
@@ -364,8 +365,8 @@ def refine(
     weights = 1.0 / np.where(scale > 0, scale, np.inf)
     refined, directions, _ = _minimised(simulations, start, early, weights)
     before, after = (np.sqrt(each.errors[late].mean(axis=0)) for each in (start, refined))
-    kept = bool(((weights * after) ** 2).sum() < ((weights * before) ** 2).sum())
-    kept = kept and refined.lost <= start.lost
+    gain, scatter = _gain(start.errors[late], refined.errors[late])
+    kept = gain > scatter and refined.lost <= start.lost
     found = start.model if simulations.layout.replaced else begun
     if kept:
         best, directions, covariance = _minimised(simulations, refined, np.arange(n), weights)
@@ -406,14 +407,23 @@ def _start(model: Model, lanes: Lanes) -> tuple[Simulations, Fit, str]:
     if law.layout.plain:
         return law, by_law, "friction by the chosen law"
     by_plain = plain_terms.run(plain_terms.layout.start)
-    scale = by_law.errors.mean(axis=0)
-    apart = ((by_law.errors - by_plain.errors) / np.where(scale > 0, scale, np.inf)).sum(axis=1)
-    scatter = float(np.std(apart, ddof=1)) / np.sqrt(len(apart))
-    if apart.mean() > TWICE * scatter:
-        ratio = 1.0 / np.sqrt(1.0 - apart.mean() / np.count_nonzero(scale))
+    gain, scatter = _gain(by_law.errors, by_plain.errors)
+    if gain > TWICE * scatter:
+        ratio = 1.0 / np.sqrt(1.0 - gain / np.count_nonzero(by_law.errors.mean(axis=0)))
         why = f"friction by plain terms; the chosen law simulates {ratio:.3g} times their error"
         return plain_terms, by_plain, why
     return law, by_law, "friction by the chosen law"
+
+
+def _gain(errors: Array, others: Array) -> tuple[float, float]:
+    """Return the gain of other errors of stretches, with standard error.
+
+    Errors are relative to the mean error of an axis. The scatter of a single stretch is unknown, 0.
+    """
+    scale = errors.mean(axis=0)
+    apart = ((errors - others) / np.where(scale > 0, scale, np.inf)).sum(axis=1)
+    scatter = float(np.std(apart, ddof=1)) / np.sqrt(len(apart)) if len(apart) > 1 else 0.0
+    return float(apart.mean()), scatter
 
 
 def _minimised(

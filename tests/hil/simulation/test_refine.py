@@ -85,6 +85,12 @@ def test_a_start_that_cannot_be_improved_is_kept_and_named():
     assert "the regression's parameters are kept" in str(found.refinement)
 
 
+def test_a_gain_by_chance_is_refused():
+    found = refine(model(), recorded(7), restart=0.5)  # the start is the truth
+    assert not found.refinement.kept
+    assert found.refinement.ratio < 1.0
+
+
 def test_a_law_that_simulates_worse_than_plain_terms_is_replaced_and_named():
     poor = model(5.0, 0.2, {**TRUTH, "arc tangent": 2.5}, TRUTH, "arc tangent")
     found = refine(poor, recorded(3), restart=0.5)
