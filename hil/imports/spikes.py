@@ -1,9 +1,9 @@
 """Spikes: outliers that no motion of a joint can produce.
 
-A spike is over within a few samples, unlike any motion of a robot. Unlike noise or a step, a spike
-exceeds the samples `REACH` before and after by far more than the ordinary change of values, and by
-a part of the whole range of the column. Angles are inspected after unwrapping; a jump by several
-turns that is reversed at once is a spike too.
+A spike comes and goes in one step, within a few samples, unlike any motion of a robot. Unlike noise
+or a step, it exceeds the samples `REACH` before and after by far more than the ordinary change of
+values, and by a part of the whole range of the column. Angles are inspected after unwrapping; a
+jump by several turns that is reversed at once is a spike too.
 
 A column that is rounded to increments flickers: noise takes a sample and its neighbour by half an
 increment each way across a bound, so two increments are ordinary.
@@ -43,6 +43,9 @@ OFTEN = 0.95
 """Share of ordinary samples."""
 MIDDLE = (0.5 - OFTEN / 2, 0.5 + OFTEN / 2)
 """Quantiles of ordinary samples."""
+ONE_STEP = 0.75
+"""Minimum share of one step in the change to a spike: between 1, and 1/2 of a sine of six samples.
+"""
 TURNS = 3 * np.pi
 """Minimum excursion that cannot be a wrap-around of an angle, by one turn."""
 STATED, REFUSED = 0.01, 0.5
@@ -262,4 +265,9 @@ def _beyond_ordinary(x: Array) -> tuple[Array, Mask]:
     excursion = np.where((changes[:-REACH] > 0) != (changes[REACH:] > 0), nearer, -nearer)
     # rounding errors of doubles are ordinary, too
     most = max(10.0 * np.quantile(steps, OFTEN), 1e-9 * np.abs(x).max())
-    return excursion, np.asarray(excursion > most)
+    out = np.asarray(excursion > most)
+    if out.any():
+        longest = np.lib.stride_tricks.sliding_window_view(np.abs(np.diff(x)), REACH).max(axis=1)
+        sudden = longest > ONE_STEP * steps
+        out &= sudden[:-REACH] & sudden[REACH:]
+    return excursion, out

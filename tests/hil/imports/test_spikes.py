@@ -45,6 +45,16 @@ def test_spikes_of_three_samples_are_spikes_too(tmp_path):
         statement(tmp_path, add_spikes("m1", 5e3, at))
 
 
+def test_short_pulses_of_torque_are_no_spikes(tmp_path):
+    # as of axis 4 of a KUKA KR300 at 250 Hz, which rings for some ten samples when it reverses
+    pulse = [0, -66, -200, -463, -693, -663, -65, 538, 866, 714, 410, 138, -30]
+    m1 = COLUMNS["m1"].copy()
+    for at in AT:
+        m1[at : at + len(pulse)] += pulse
+    found = statement(tmp_path, COLUMNS | {"m1": m1}, accept=["range", "shape"]).suspicions
+    assert not [each for each in found if each.check == "spikes"]
+
+
 def test_a_few_small_ones_are_stated_and_do_no_harm(tmp_path):
     (suspicion,) = statement(tmp_path, add_spikes("m1", 150.0, AT[:2])).suspicions
     assert suspicion.message.startswith("2 samples differ")
