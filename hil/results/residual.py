@@ -35,6 +35,7 @@ import numpy as np
 
 from checked_files.yaml_file import FileModel
 from hil.results.judgement import NOTABLE, doubtful, failed
+from hil.show.rounding import above
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator
@@ -204,7 +205,7 @@ def unexplained(
             )
         else:
             yield doubtful(
-                f"axis {axis + 1}: residual {_percent(left)} of the torque up to "
+                f"axis {axis + 1}: residual {above(left, accuracy)} % of the torque up to "
                 f"{found.band:g} Hz, at most {_percent(accuracy)} allowed (--accuracy)",
                 "record motions like those to be predicted, or check for effects missing in the "
                 "model: springs, ripple, a moving base, friction that depends on more than speed",

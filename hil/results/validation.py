@@ -82,7 +82,8 @@ class AxisScore(FileModel):
         Share of samples inside the predicted intervals of 95 %.
     gain, gain_error : float
         Best factor of the model's part of the prediction, with its standard error for white
-        residuals; with friction fitted in the recording, if possible.
+        residuals and the largest one by the model's parameters; with friction fitted in the
+        recording, if possible.
     asymmetry : float
         Half the difference of the mean residuals forward and back, over the residual.
     limited : float
@@ -296,6 +297,8 @@ def _score(parts: Sequence[PredictedTorque], model: Model, past: History | None)
     r, fitted = y - joined("predicted"), parts[0].refitted is not None
     left = y - joined("refitted") if fitted else r
     torque, residual, square = _rms(y), _rms(r), stated @ stated
+    # an error of the parameters like the torque itself shifts the gain most (Cauchy and Schwarz)
+    wrong = float(np.linalg.norm(joined("parameter_error")))
     held = np.abs(left) <= TWICE * joined("refitted_error") if fitted else np.zeros(1)
     back, forward = (r[np.sign(qd) == sign] for sign in (-1.0, 1.0))
     differ = (forward.mean() if forward.size else 0.0) - (back.mean() if back.size else 0.0)
@@ -310,7 +313,7 @@ def _score(parts: Sequence[PredictedTorque], model: Model, past: History | None)
         uncertain=_rms(joined("parameter_error")) / torque,
         inside=float(np.mean(np.abs(r) <= TWICE * joined("standard_error"))),
         gain=float(1.0 + left @ stated / square) if square > 0 else 1.0,
-        gain_error=float(_rms(left) / np.sqrt(square)) if square > 0 else 0.0,
+        gain_error=float(np.hypot(_rms(left), wrong) / np.sqrt(square)) if square > 0 else 0.0,
         asymmetry=float(abs(differ)) / 2 / residual if residual > 0 else 0.0,
         limited=share_at_top(np.abs(y)),
         identified=None if np.isnan(identified) else identified,

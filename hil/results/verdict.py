@@ -36,7 +36,7 @@ from hil.results.possible import impossible_inertias, impossible_links
 from hil.results.prediction import free_torques, uncertainty
 from hil.results.residual import unexplained
 from hil.runs.journal import FIRST
-from hil.show.rounding import significant, uncertain, unit
+from hil.show.rounding import above, significant, uncertain, unit
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator, Sequence
@@ -233,8 +233,8 @@ def _late(model: Model, large: Sequence[Reservation]) -> Iterator[Reservation]:
             f"axis {k} {abs(lag):.2g} ms {'late' if lag > 0 else 'early'}" for k, lag in late
         )
         yield (doubtful if large else good)(
-            f"torques recorded at other instants than positions, which the estimate compensates: "
-            f"{said}",
+            f"torques seem recorded at other instants than positions, which the estimate "
+            f"compensates: {said}; or the model lacks springs or friction that act like this",
             CAUSES["torque delay"].remedy,
         )
 
@@ -331,8 +331,8 @@ def _unexcited(model: Model) -> Iterator[Reservation]:
     for lost, (own, motion, remedy) in itertools.product((True, False), kinds):
         axes = own & (relative > TOLERANCE) & ((relative >= 1.0) == lost)
         if axes.any():
-            known = "unknown" if lost else f"known within {relative[axes].max():.0%} only"
-            numbers = np.flatnonzero(axes) + 1
+            numbers, share = np.flatnonzero(axes) + 1, relative[axes].max()
+            known = "unknown" if lost else f"known within {above(share, TOLERANCE)}% only"
             yield doubtful(
                 f"{_axes(numbers)}: torque on {motion} is {known}, at most {TOLERANCE:.0%} allowed",
                 f"add recordings {remedy}; close to the recorded motions the model may be valid: "

@@ -32,6 +32,12 @@ def percent(part: float, whole: float) -> str:
     return significant(100 * abs(part / whole), 2)
 
 
+def above(share: float, limit: float) -> str:
+    """Format a share above a limit in percent, with as many digits as show that it is above."""
+    found = (significant(100.0 * share, digits) for digits in range(2 + (share >= 1.0), 18))
+    return next(text for text in found if float(text) > 100.0 * limit)
+
+
 def significant(value: float, digits: int) -> str:
     """Round a value to significant digits, without exponent below a million."""
     text = f"{value:#.{digits}g}"

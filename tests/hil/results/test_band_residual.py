@@ -211,6 +211,11 @@ def test_an_axis_that_hardly_carries_load_counts_no_accuracy() -> None:
     assert not list(unexplained(None, limits, 0.1))
 
 
+def test_a_residual_stated_above_its_limit_reads_as_above_it() -> None:
+    found = [each.reason for each in unexplained(residual(0.102, 0.104), np.full(2, np.nan), 0.1)]
+    assert [each[8:23] for each in found] == ["residual 10.4 %", "residual 10.2 %"]
+
+
 def test_every_word_states_the_residual(model: Model) -> None:
     found = verdict(replace(model, band_residual=residual(0.05, 0.30)))
     assert any(each.reason.startswith("residual up to 8 Hz 22 % of the torque")

@@ -167,6 +167,19 @@ def test_a_torque_constant_that_changed_is_named(model: Model, other: Run) -> No
     assert "torque constant" in found.remedy
 
 
+def test_a_gain_that_errors_of_the_parameters_explain_is_not_named(
+    model: Model, other: Run
+) -> None:
+    wrong = replace(model, values=model.values / 1.2)
+    every = [
+        replace(each, parameter_error=np.full_like(each.stated, 0.2 * np.std(each.stated)))
+        for each in predicted_torques(wrong, pooled([other]))
+    ]
+    found = scored(wrong, every)
+    assert found.word == "doubtful"
+    assert not any("gain" in each.reason for each in found.reasons)
+
+
 def clipped(every: list[PredictedTorque]) -> list[PredictedTorque]:
     greatest = [
         max(float(np.abs(each.measured).max()) for each in every if each.axis == axis)
