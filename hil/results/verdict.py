@@ -64,7 +64,7 @@ def verdict(model: Model, accuracy: float = ACCURACY) -> Judgement:
     late = tuple(_late(model, large))
     doubts = (
         *reservations(OF_MISTAKES, model), *_judge_edges(model), *(late if large else ()), *large,
-        *reservations(OF_MODELS, model),
+        *reservations(OF_MODELS, model), *_judge_edges(model, excited=False),
     )  # fmt: skip
     doubts = *_first(model, doubts, large), *doubts
     found = doubts or tuple(_good(model))
@@ -200,16 +200,21 @@ def _warned(warning: str) -> Reservation:
     return doubtful(f"import warned: {reason}", remedy)
 
 
-def _judge_edges(model: Model) -> Iterator[Reservation]:
-    """Yield estimates at the edge of the search range; the true value may be beyond the edge."""
+def _judge_edges(model: Model, *, excited: bool = True) -> Iterator[Reservation]:
+    """Yield estimates at the edge of the search range; the true value may be beyond the edge.
+
+    Edges of axes that the recordings do not excite come from there: they are yielded apart.
+    """
+    relative = uncertainty(model) if model.edges else None
     alike: dict[tuple[object, ...], list[Edge]] = {}
     for each in model.edges:
         alike.setdefault((each.what, each.value, each.bound), []).append(each)
-    for first, *others in alike.values():
-        reason = (
-            f"{_axes([first.axis, *(each.axis for each in others)])}: {first.what} "
-            f"{significant(first.value, 3)} {first.unit}, "
-        )
+    for edges in alike.values():
+        first, axes = edges[0], [each.axis for each in edges]
+        known = relative is None or bool((relative[np.subtract(axes, 1)] <= TOLERANCE).any())
+        if known != excited:
+            continue
+        reason = f"{_axes(axes)}: {first.what} {significant(first.value, 3)} {first.unit}, "
         if abs(first.value) <= abs(first.bound):
             reason += "at the limit of the search range"
         else:

@@ -106,12 +106,20 @@ def test_an_estimate_at_the_edge_of_its_search_is_named_with_value_and_bound(
     tmp_path: Path,
 ) -> None:
     edge = Edge(axis=2, what="lag of the torque", value=12.0, bound=12.0, unit="ms")
-    model = replace(arm_model(), edges=(edge,))
-    both = replace(model, edges=(edge, edge.model_copy(update={"axis": 3})))
-    assert words(both)[0][1].startswith("axes 2, 3: lag of the torque 12.0 ms, at the limit")
+    model = replace(arm_model(error=1e-4), edges=(edge,))
+    both = replace(model, edges=(edge.model_copy(update={"axis": 1}), edge))
+    assert words(both)[0][1].startswith("axes 1, 2: lag of the torque 12.0 ms, at the limit")
     assert (
         "doubtful",
         "axis 2: lag of the torque 12.0 ms, at the limit of the search range",
     ) in words(model)
     model.save(tmp_path / "model.yaml")
     assert Model.load(tmp_path / "model.yaml").edges == (edge,)
+
+
+def test_an_edge_of_an_axis_that_the_recordings_do_not_excite_is_stated_after_that() -> None:
+    edge = Edge(axis=2, what="lag of the torque", value=30.0, bound=30.0, unit="ms")
+    for error, first in ((1e-4, True), (0.3, False)):
+        said = [reason for _, reason in words(replace(arm_model(error=error), edges=(edge,)))]
+        assert ("lag of the torque" in said[0]) == first
+        assert any("lag of the torque" in reason for reason in said)
