@@ -199,11 +199,11 @@ def open_covariance(robot: Robot, N: Array) -> Array:
     n, lost = len(base_parameters(robot)), undetermined(N) | (np.diag(N) == 0)
     if not lost[:n].any():
         return np.zeros_like(N)
-    size = _sizes(robot, N)
+    size = _sizes(robot)
     squares = _squares(N, size)
     lost |= undetermined(N, IDENTIFIABLE, squares)
     free = null_space(N, IDENTIFIABLE, squares) * lost[:, np.newaxis]
-    _, values, V = np.linalg.svd(free[:n] / size[:n, np.newaxis], full_matrices=False)
+    _, values, V = np.linalg.svd(free[:n] / size[:, np.newaxis], full_matrices=False)
     kept = values > 1e-6 * values[0]
     free = free @ V[kept].T / values[kept]
     covariance: Array = free @ free.T
@@ -215,24 +215,28 @@ def least_unknowns(robot: Robot, N: Array) -> Array:
 
     Noise of positions excites directions beyond `IDENTIFIABLE`, which are left out.
     """
-    root = inverse_root(N, IDENTIFIABLE, _squares(N, _sizes(robot, N)))
+    root = inverse_root(N, IDENTIFIABLE, _squares(N, _sizes(robot)))
     return np.asarray(root @ root.T @ N)
 
 
 def _squares(N: Array, size: Array) -> Array:
-    """Return squares of columns with torques of equal size, the loudest as long as in N."""
-    return np.asarray(np.max(np.diag(N) * size**2) / size**2)
+    """Return squares of columns with torques of equal size, the loudest as long as in N.
+
+    Those of unknowns beside the base parameters are as in N.
+    """
+    found, n = np.diag(N).copy(), len(size)
+    found[:n] = np.max(found[:n] * size**2) / size**2
+    return found
 
 
-def _sizes(robot: Robot, N: Array) -> Array:
-    """Return physical sizes of the unknowns, shape (len(N),).
+def _sizes(robot: Robot) -> Array:
+    """Return physical sizes of the base parameters, shape (n_base,).
 
     No rigid-body torque exceeds the torque limits by far. So the size of a base parameter is the
     value with which it alone needs the torque limit of an axis, the least of all axes, as rms over
-    positions, speeds and accelerations of up to 1 in SI. Friction has that of the largest limit.
+    positions, speeds and accelerations of up to 1 in SI.
     """
     motion = np.random.default_rng(0).uniform(-1.0, 1.0, (3, 100, robot.n_joints))
     torque = np.sqrt(np.mean(regressor(robot, *motion) ** 2, axis=0))
     limit = np.nan_to_num(robot.torque_limit, nan=np.nanmax(robot.torque_limit, initial=1.0))
-    size = np.min(limit[:, np.newaxis] / np.maximum(torque, np.finfo(float).eps), axis=0)
-    return np.append(size, np.full(len(N) - len(size), limit.max()))
+    return np.asarray(np.min(limit[:, np.newaxis] / np.maximum(torque, np.finfo(float).eps), axis=0))

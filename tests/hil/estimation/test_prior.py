@@ -13,17 +13,17 @@ from hil.errors import InvalidValue, UnknownName
 from hil.estimation.free_motion.variants import DEFAULT
 from hil.estimation.identify import estimate
 from hil.estimation.options import Options
-from hil.estimation.prior import Prior, least_unknowns
+from hil.estimation.prior import Prior, least_unknowns, open_covariance
 from hil.least_squares.solving import solved
 from hil.model.dynamics import regressor
 from hil.model.frames import parameter_map
+from hil.model.robot import Robot
 
 if TYPE_CHECKING:
     from free_run import FreeRecorded
     from numpy.typing import NDArray
 
     from hil.estimation.estimate import Estimate
-    from hil.model.robot import Robot
 
     Array = NDArray[np.float64]
 
@@ -203,3 +203,26 @@ def test_a_column_that_is_tiny_and_parallel_to_another_gets_no_large_value(manut
     assert np.abs(x).max() > 1e3 * np.abs(p).max()
     assert np.abs(least).max() < 2.0 * np.abs(p).max()
     np.testing.assert_allclose(W @ least, W @ x, atol=0.05)
+
+
+def test_friction_of_a_precise_small_axis_leaves_parameters_of_a_large_one_identified() -> None:
+    """Wrists have a hundredth of the torque and of the residual of a base."""
+    joint = {"q_min": -3.0, "q_max": 3.0, "velocity_limit": 3.0, "acceleration_limit": 20.0}
+    links = {"frame": {"alpha": 0, "d": "l"}, "parameters": ["Izz", "sx", "sy"]}
+    large = Robot.create(
+        "large",
+        [joint | links | {"torque_limit": limit} for limit in (5000.0, 20.0)],
+        gravity=(0.0, -9.81, 0.0),
+        lengths={"l": 0.5},
+    )
+    rng = np.random.default_rng(0)
+    q, qd, qdd = rng.uniform(-0.1, 0.1, (3, 500, 2))
+    A = regressor(large, q, qd, qdd)
+    A[..., 0] = 0.0  # without data
+    friction = np.stack([np.sign(qd[:, :1]) * [1, 0], np.sign(qd[:, 1:]) * [0, 1]], axis=-1)
+    W = np.concatenate([A, friction], axis=-1) / np.array([50.0, 0.01])[:, None]
+    W = W.reshape(1000, -1)
+    N = W.T @ W
+    np.testing.assert_array_equal(np.flatnonzero(np.diag(open_covariance(large, N))), [0])
+    x = np.array([0.0, *rng.standard_normal(N.shape[0] - 1)])
+    np.testing.assert_allclose(least_unknowns(large, N) @ x, x, atol=1e-6)
