@@ -17,6 +17,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from hil.model.frames import QUARTER, ROUNDED_OFF, frame_pose, inverse, snap_angle
+from hil.model.readers.urdf import ROUNDED
 
 if TYPE_CHECKING:
     from hil.arrays import Array, Mask
@@ -65,6 +66,10 @@ def find_frames(chain: UrdfChain) -> Frames:
     still = chain.frames(np.zeros(n))
     points = still[:, :3, 3]
     z = np.array([T[:3, :3] @ j.axis for T, j in zip(still, chain.joints, strict=True)])
+    # the common normal of axes that rounding has made nearly parallel is up to kilometres away
+    for j, parent in enumerate(parents):
+        if parent >= 0 and np.linalg.norm(np.cross(z[parent], z[j])) < ROUNDED:
+            z[j] = math.copysign(1.0, z[parent] @ z[j]) * z[parent]
     directions: list[Array] = []
     placed: list[Array] = []
     steps = []

@@ -98,6 +98,18 @@ def test_every_frame_moves_with_its_joint(tmp_path: Path, name: str) -> None:
         assert frames.poses(q, revolute) == pytest.approx(moved, abs=1e-9)
 
 
+def test_axes_that_rounding_made_nearly_parallel_are_parallel(tmp_path: Path) -> None:
+    """Five digits of three angles leave 2e-5 rad, and axes that meet kilometres away."""
+    joints = [
+        ("revolute", "0 0 0.1", "0 0 0", "0 0 1"),
+        ("revolute", "0.4 0.1 0", "0 0 0", "0 0.00002 -1"),
+        ("revolute", "0.3 0 0", "0 0.3 0", "0 1 0"),
+    ]
+    frames = find_frames(chain_of(tmp_path, urdf("cut", joints)))
+    assert frames.alpha[1] == pytest.approx(np.pi)
+    assert np.abs([frames.d, frames.r]).max() < 1.0
+
+
 @pytest.mark.parametrize("name", ROBOTS)
 def test_a_robot_has_the_frames_of_its_urdf_whole_turns_aside(tmp_path: Path, name: str) -> None:
     chain = chain_of(tmp_path, urdf(name, ROBOTS[name]))
