@@ -239,4 +239,5 @@ def _sizes(robot: Robot) -> Array:
     motion = np.random.default_rng(0).uniform(-1.0, 1.0, (3, 100, robot.n_joints))
     torque = np.sqrt(np.mean(regressor(robot, *motion) ** 2, axis=0))
     limit = np.nan_to_num(robot.torque_limit, nan=np.nanmax(robot.torque_limit, initial=1.0))
-    return np.asarray(np.min(limit[:, np.newaxis] / np.maximum(torque, np.finfo(float).eps), axis=0))
+    alone = limit[:, np.newaxis] / np.maximum(torque, np.finfo(float).eps)
+    return np.asarray(alone.min(axis=0))

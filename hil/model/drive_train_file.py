@@ -64,7 +64,8 @@ class Drive(FileModel):
             return value
         if not value > 0:
             raise ValueError(
-                f"{value:g} must be positive; state the sense of rotation in the drives file, or as sign in the map of recordings"
+                f"{value:g} must be positive; state the sense of rotation in the drives file, or "
+                "as sign in the map of recordings"
             )
         return value
 
