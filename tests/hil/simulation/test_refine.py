@@ -65,7 +65,7 @@ def test_parameters_of_a_wrong_start_return_to_the_truth_within_their_stated_err
 
 @pytest.mark.long
 def test_stated_intervals_hold_the_truth_as_often_as_they_say():
-    runs = enumerate(noisy_runs(model(), range(12), 8.0, PERIOD))
+    runs = enumerate(noisy_runs(model(), range(12), 12.0, PERIOD))
     found = [refine(drawn(seed), Pooled([run]), restart=0.5) for seed, run in runs]
     inside = np.abs([deviations(each) for each in found if each.refinement.kept]) < 1.96
     assert inside.shape[0] > 8
