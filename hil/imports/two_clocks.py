@@ -48,6 +48,10 @@ PART = 4
 """Number of rows for each one that is looked at first."""
 REACH = 0.1
 """Maximum change of a lag per iteration [s]: a sixth of a period of the fastest motion of arms."""
+FAR = REACH * np.delete(np.arange(-10, 11), 10)
+"""Further lags to begin with, where Newton's iteration ends in a lag that explains little [s]."""
+UNEXPLAINED = 0.1
+"""Share of the variance that no usual model leaves: a third of the torque."""
 SHARES = 2.0 ** np.arange(-6.0, 1.0)
 """Presliding distances to compare with a lag, over the way of the lag at the greatest speed:
 reversals are slower."""
@@ -68,7 +72,7 @@ class _Rows(NamedTuple):
 
 
 class _Lags(NamedTuple):
-    """Lag and mean time of the parts [s], and residual mean squares of the joints."""
+    """Lag and mean time of the parts [s], and residuals as shares of variance by joint."""
 
     lags: Array
     middles: Array
@@ -130,11 +134,18 @@ def _suspicion(
         return
     period = excerpts[0].period
     # a part of the rows shows what all rows may confirm
-    one, many = _found(_rows(excerpts, shown, key, columns, PART), shown)
+    some, start = _rows(excerpts, shown, key, columns, PART), 0.0
+    one, many = _found(some, shown)
+    if np.exp(np.log(one.left).mean()) > UNEXPLAINED:
+        every = [_lags(_together(some), shown, start=begin) for begin in FAR]
+        best = min(every, key=lambda found: _left(found, one))
+        if _left(best, one) <= LEAVES:
+            start = float(best.lags[0])
+            one, many = _found(some, shown, start)
     if abs(one.lags[0]) <= period / 2 and (many is None or _left(many, one) > np.sqrt(LEAVES)):
         return
     rows = _rows(excerpts, shown, key, columns, 1)
-    one, many = _found(rows, shown)
+    one, many = _found(rows, shown, start)
     lag = float(one.lags[0])
     late = presliding is not None and abs(lag) > period
     late = late and _left(one, _lags(_together(rows), shown, reach=0.0)) <= LEAVES
@@ -187,10 +198,11 @@ def _together(rows: Sequence[_Rows]) -> list[_Rows]:
     return [each._replace(part=0 * each.part) for each in rows]
 
 
-def _found(rows: Sequence[_Rows], shown: Mask) -> tuple[_Lags, _Lags | None]:
-    """Return a common lag, and the lags of several parts."""
+def _found(rows: Sequence[_Rows], shown: Mask, start: float = 0.0) -> tuple[_Lags, _Lags | None]:
+    """Return a common lag, and the lags of several parts, beginning with the lag `start` [s]."""
     several = any(each.part.any() for each in rows)
-    return _lags(_together(rows), shown), _lags(rows, shown) if several else None
+    one = _lags(_together(rows), shown, start=start)
+    return one, _lags(rows, shown, start=start) if several else None
 
 
 def late_torques(lag: float, *, alike: bool = False) -> Suspicion:
@@ -210,8 +222,7 @@ def _left(found: _Lags, other: _Lags) -> float:
 
     A clock affects all joints, but a model error only some.
     """
-    tiny = np.finfo(float).tiny
-    logs = [np.log(np.maximum(each.left, tiny)) for each in (found, other)]
+    logs = [np.log(each.left) for each in (found, other)]
     return float(np.exp((logs[0] - logs[1]).mean()))
 
 
@@ -239,13 +250,13 @@ def _words(name: str, found: _Lags) -> str:
     )
 
 
-def _lags(rows: Sequence[_Rows], shown: Mask, reach: float = REACH) -> _Lags:
+def _lags(rows: Sequence[_Rows], shown: Mask, reach: float = REACH, start: float = 0.0) -> _Lags:
     """Find the lags of all parts of the recording; without lags for a `reach` of 0."""
     part = np.unique(np.concatenate([each.part for each in rows]), return_inverse=True)[1]
     X, known = (np.concatenate([getattr(r, name) for r in rows]) for name in ("X", "known"))
     time = np.concatenate([r.excerpt.begin + r.samples * r.excerpt.period for r in rows])
     one = np.eye(part.max() + 1)[part]
-    lags, weight, tiny = np.zeros(one.shape[1]), np.zeros(0), np.finfo(float).tiny
+    lags, weight, tiny = np.full(one.shape[1], start), np.zeros(0), np.finfo(float).tiny
     finest = min(r.excerpt.period for r in rows) / 2  # rows are whole samples
     ends = np.cumsum([len(r.samples) for r in rows])[:-1]
     for number in range(ROUNDS):
@@ -255,7 +266,8 @@ def _lags(rows: Sequence[_Rows], shown: Mask, reach: float = REACH) -> _Lags:
         y = y - known
         columns = np.concatenate([X, -(reach > 0) * slopes[:, :, None] * one[:, None, :]], axis=2)
         if not len(weight):
-            weight = 1.0 / np.maximum(y.var(axis=0), tiny)
+            variance = np.maximum(y.var(axis=0), tiny)
+            weight = 1.0 / variance
         both = np.concatenate([columns, y[:, :, None]], axis=2) * np.sqrt(weight)[:, None]
         both = both.reshape(-1, both.shape[2])
         N, v = np.split(both[:, :-1].T @ both, [-1], axis=1)
@@ -267,7 +279,7 @@ def _lags(rows: Sequence[_Rows], shown: Mask, reach: float = REACH) -> _Lags:
         lags = lags + change
         if number and np.abs(change).max() < finest:
             break
-    return _Lags(lags, one.T @ time / one.sum(axis=0), left)
+    return _Lags(lags, one.T @ time / one.sum(axis=0), np.maximum(left, tiny) / variance)
 
 
 def _columns(rows: _Rows, lag: Array) -> tuple[Array, Array]:

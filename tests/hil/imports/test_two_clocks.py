@@ -59,6 +59,14 @@ def test_one_clock_raises_no_suspicion_of_two_whatever_the_lag(manutec, lag):
     assert "presliding" not in str(found)
 
 
+def test_a_delay_of_more_than_half_a_period_of_the_motion_is_none_of_two_clocks(
+    manutec, monkeypatch
+):
+    monkeypatch.setitem(globals(), "W", 2 * W)
+    ((words, *_), *_) = said(manutec, lambda t: 0.3 + 0 * t)
+    assert words == "torques of all joints have a delay of some 300 ms"
+
+
 def test_a_delay_is_as_well_a_low_pass_or_commanded_positions(manutec):
     excerpts = [recorded(manutec, 0.0, lambda t: 0.05 + 0 * t, lambda t: 0 * t)]
     (delay,) = clock_of_torques(excerpts, manutec, MOVING)
