@@ -137,7 +137,8 @@ def _suspicion(
     some, start = _rows(excerpts, shown, key, columns, PART), 0.0
     one, many = _found(some, shown)
     if np.exp(np.log(one.left).mean()) > UNEXPLAINED:
-        further = [_lags(_together(some), shown, start=begin) for begin in FAR]
+        together = _together(some)
+        further = [_lags(together, shown, start=begin) for begin in FAR]
         best = min(further, key=lambda found: _left(found, one))
         if _left(best, one) <= LEAVES:
             start = float(best.lags[0])

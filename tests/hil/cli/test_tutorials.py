@@ -137,7 +137,7 @@ def test_a_recording_is_identified_and_judged(walk: Walk) -> None:
     inside = (low <= truth) & (truth <= high)
     assert inside.sum() == 6
     missed = np.maximum(low - truth, truth - high)[~inside] / (high - low)[~inside]
-    # ripple of these two motors happens to resemble gravity: with other phases errors are as stated
+    # ripple of these two motors resembles gravity
     assert (missed < 0.25).all()
 
 
