@@ -76,6 +76,8 @@ CASES = {
     "20 s": Case(500, 20.0),
     "slow": Case(250, 60.0, harmonics=5),
     "16 bit": Case(250, 60.0, increments=1 << 16),
+    "12 bit": Case(250, 60.0, increments=1 << 12),
+    "10 bit": Case(250, 60.0, increments=1 << 10),
     "10 min": Case(250, 600.0),
     "10 min of strong drift": Case(250, 600.0, drift=3.0),
 }

@@ -99,11 +99,9 @@ class Excerpt:
         Samples (n,); q, qd, qdd, torque and recorded velocity, each (n, n_joints); standard
         deviations of qd and qdd by the noise of positions, (2, n_joints).
         """
-        half = half_width(self.period)
+        half, fit = half_width(self.period), parabola(self.period)
         at = np.linspace(half, len(self.q) - 1 - half, self.points).round().astype(int)
         about = at[:, None] + np.arange(-half, half + 1)
-        t = np.arange(-half, half + 1) * self.period
-        fit = np.linalg.pinv(np.stack([np.ones_like(t), t, t**2 / 2], axis=1))
         motion = (np.einsum("w,pwj->pj", row, self.q[about]) for row in fit)
         means = (values[about].mean(axis=1) for values in (self.tau, self.qd))
         noise = np.linalg.norm(fit, axis=1)[1:, None] * self.extent.noise
@@ -216,6 +214,12 @@ class Evidence:
         joined = map(np.concatenate, zip(*samples, strict=True))
         q, qd, qdd, tau, recorded_qd = joined
         return cls(q, qd, qdd, tau, recorded_qd, noise_qd, noise_qdd, recorded, moves, duration)
+
+
+def parabola(period: float) -> Array:
+    """Return the weights of samples in position, velocity and acceleration of a local fit, (3, n)."""
+    t = np.arange(-(half := half_width(period)), half + 1) * period
+    return np.linalg.pinv(np.stack([np.ones_like(t), t, t**2 / 2], axis=1))
 
 
 def half_width(period: float) -> int:

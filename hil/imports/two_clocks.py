@@ -10,7 +10,8 @@ This is solved by least squares over p and a lag l per part of the recording, co
 with Newton's iteration. For torques p holds base parameters and friction of the axes, for
 velocities a scale per joint. Varying lags are stated if they leave half of the mean squares left by
 a constant lag, or less, in the geometric mean over the joints; a constant lag of the torques if it
-leaves half of those without a lag. Friction that reverses over a presliding distance resembles a
+leaves half of those without a lag, less the share of noise in the accelerations, which lowers
+inertias: shifted torques would have friction stand for them. Friction that reverses over a presliding distance resembles a
 delay, and is named as well unless a delay leaves half of the mean squares left by the best of some
 distances.
 """
@@ -25,7 +26,8 @@ import numpy as np
 from hil.estimation.excluded.causes import CAUSES
 from hil.estimation.excluded.finding import LEAVES
 from hil.friction.direction import friction_direction
-from hil.imports.evidence import Suspicion, half_width
+from hil.estimation.free_motion.settings import floor, spectrum
+from hil.imports.evidence import Suspicion, half_width, parabola
 from hil.model.dynamics import regressor
 from hil.model.motors import motor_torque
 
@@ -149,7 +151,11 @@ def _suspicion(
     one, many = _found(rows, shown, start)
     lag = float(one.lags[0])
     late = presliding is not None and abs(lag) > period
-    late = late and _left(one, _lags(_together(rows), shown, reach=0.0)) <= LEAVES
+    if late:
+        without = _lags(_together(rows), shown, reach=0.0)
+        # a joint shows nothing where noise explains what is left
+        left = np.maximum(without.left - _noise_shares(excerpts)[shown], one.left)
+        late = _left(one, without._replace(left=left)) <= LEAVES
     # the instant of a row is known within a period; a lag that is found may change by half
     change = 0.0 if many is None else float(np.ptp(many.lags))
     least = LEAVES * abs(lag) if late else np.inf
@@ -166,10 +172,23 @@ def _suspicion(
             for far in distances
         ]
         without, best = (
-            min((_lags(each, shown, reach) for each in every), key=lambda found: _left(found, one))
-            for reach in (0.0, REACH)
+            min((_lags(each, shown, *of) for each in every), key=lambda found: _left(found, one))
+            for of in ((0.0,), (REACH, lag))
         )
         yield late_torques(lag, alike=_left(best, without) > LEAVES)
+
+
+def _noise_shares(excerpts: Sequence[Excerpt]) -> Array:
+    """Return the share of the positions' white noise in the power of accelerations, (n_joints,)."""
+    noise, whole = 0.0, 0.0
+    for each in excerpts:
+        _, (_, _, qdd, *_), _ = each.fitted
+        floors = [floor(*spectrum(q, each.period), each.period) for q in each.q.T]
+        gain = np.sum(parabola(each.period)[2] ** 2)
+        # white noise of a variance has twice its product with the period as density
+        noise = noise + len(qdd) * gain * np.array(floors) / (2.0 * each.period)
+        whole = whole + np.sum(qdd**2, axis=0)
+    return np.asarray(noise / np.maximum(whole, np.finfo(float).tiny))
 
 
 def _rows(
@@ -264,11 +283,11 @@ def _lags(rows: Sequence[_Rows], shown: Mask, reach: float = REACH, start: float
         late = np.split(lags[part], ends)
         each = [_columns(r, lag) for r, lag in zip(rows, late, strict=True)]
         y, slopes = (np.concatenate(x)[:, shown] for x in zip(*each, strict=True))
-        y = y - known
+        recorded, y = y, y - known
         columns = np.concatenate([X, -(reach > 0) * slopes[:, :, None] * one[:, None, :]], axis=2)
         if not len(weight):
-            variance = np.maximum(y.var(axis=0), tiny)
-            weight = 1.0 / variance
+            variance = np.maximum(recorded.var(axis=0), tiny)
+            weight = 1.0 / np.maximum(y.var(axis=0), tiny)
         both = np.concatenate([columns, y[:, :, None]], axis=2) * np.sqrt(weight)[:, None]
         both = both.reshape(-1, both.shape[2])
         N, v = np.split(both[:, :-1].T @ both, [-1], axis=1)

@@ -2,6 +2,7 @@
 
 import re
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -9,9 +10,10 @@ from synthetic import TABLE_3_A
 
 from hil.friction.direction import friction_direction
 from hil.imports.evidence import Evidence, Excerpt
-from hil.imports.plausibility import suspicions
+from hil.imports.plausibility import coarse, suspicions
 from hil.imports.two_clocks import clock_of_torques, clock_of_velocities
 from hil.model.dynamics import inverse_dynamics
+from hil.model.robot import Robot
 
 PERIOD, W = 0.005, 2 * np.pi * np.array([0.31, 0.37, 0.47, 0.53, 0.61, 0.71])
 MOVING = np.ones(6, dtype=bool)
@@ -100,3 +102,16 @@ def test_velocities_by_another_clock_are_not_said_to_follow_no_position(manutec,
     assert first.message.startswith("velocities of all joints have another clock than the")
     assert (first.certain, first.check) == (refused, "velocity")
     assert not [each for each in rest if each.location[-1] == "velocity"]
+
+
+def test_noise_of_coarse_positions_is_no_lead_of_the_torques():
+    # the lead has viscous friction stand for the inertia that the noise of accelerations lowers
+    robot = Robot.load(Path(__file__).parents[2] / "robots" / "cartesian.yaml")
+    t, w = np.arange(0, 10, 0.004)[:, None], 2 * np.pi * np.array([0.41, 0.47, 0.53])
+    q, qd, qdd = 0.3 * np.sin(w * t), 0.3 * w * np.cos(w * t), -0.3 * w**2 * np.sin(w * t)
+    tau = np.array([172.0, 56.0, 22.0]) * qdd + [0.0, 0.0, 219.0]
+    tau += np.array([100.0, 50.0, 20.0]) * qd + 10.0 * np.sign(qd)
+    excerpts = [Excerpt(0.004, 0.001 * np.round(q / 0.001), tau, qd, 1500)]
+    shown = ~coarse(Evidence.join(excerpts))
+    assert shown.any()
+    assert not list(clock_of_torques(excerpts, robot, shown))
