@@ -17,7 +17,6 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from hil.arrays import side_by_side
-from hil.estimation.free_motion.motion import low_passed
 from hil.estimation.nuisances import compliance_names, gear_columns
 from hil.friction.ripple import RIPPLE_ORDERS, ripple_orders
 from hil.friction.terms import COLUMNS, WAVES, coupled_friction, friction_columns, motor_angle
@@ -61,7 +60,7 @@ def soft_gears(robot: Robot, motion: Motion, p: Array, soft: Sequence[int]) -> A
     if not soft:
         return np.zeros((*motion.q.shape, 0))
     load = inverse_dynamics(robot, p, *state)
-    twist = low_passed(load, motion.period, motion.processing.cut_off, derivatives=2)
+    twist = motion.processing.smoothed(load, motion.period, derivatives=2)
     return gear_columns(robot, p, state, twist)[:, :, list(soft)]
 
 

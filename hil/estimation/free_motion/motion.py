@@ -1,19 +1,21 @@
 """Filter a recording: positions, velocities, accelerations and torque for a fit.
 
-One type of low-pass with decimation is used throughout: a Butterworth filter of order four run
-forth and back, with zero phase and the magnitude
+One type of low-pass with decimation is used throughout: a Butterworth filter run forth and back,
+with zero phase and the magnitude
 
-    |H(f)|^2 = 1 / (1 + (f / f_c)^8)
+    |H(f)|^2 = 1 / (1 + (f / f_c)^n)
 
 at the cut-off frequency f_c. Applied to spectra, the filter differentiates and decimates in the
 same step, since the response above twice the cut-off is negligible. Positions are filtered for
 differentiation, with `FINE` samples in a period of the cut-off; torque and columns of the regressor
 are filtered again, since products of filtered signals have higher frequencies, and are kept at
-`COARSE` samples.
+`COARSE` samples. The torque does not pass the filter of the positions, so n of the latter is large
+enough for the band of the equation (`Processing.steepness`): accelerations of coarse encoders, 4 %
+too small at its edge with n = 8, looked like soft gears and delays.
 
 Both ends of a recording are continued by point reflection, so that positions and velocities have no
-step. Samples mixed with the reflection by the filter, `REACH` periods of the cut-off for each pass,
-are dropped afterwards: no fit sees a reflected sample.
+step. Samples mixed with the reflection by the filter (`reach`) are dropped afterwards: no fit sees
+a reflected sample.
 """
 
 from __future__ import annotations
@@ -40,17 +42,19 @@ FINE = 8.0
 """Fewest samples of the motion in a period of the cut-off frequency."""
 COARSE = 4.0
 """Fewest used samples in a period of the equation's cut-off frequency."""
-REACH = 2.0
-"""Periods of the cut-off frequency until the filter response is below a hundredth."""
 BANDS = 3.0
 """Cut-off frequency of the positions over that of torque and columns."""
+REACH = 2.0
+"""Periods of the cut-off frequency until the response of the least order is below a hundredth."""
 SAME = 0.1
 """Largest relative difference of two equal velocities."""
 LAG = 0.5
 """Largest accepted lag of a recorded velocity, in periods: that of the difference of two samples.
 """
 ORDER = 4
-"""Order of the filter run forth and back."""
+"""Least order of the filter run forth and back; n is twice as large."""
+FLAT = 1e-3
+"""Largest share of a motion that the filter of the positions takes within the equation's band."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -83,6 +87,7 @@ def low_passed(
     every: int = 1,
     derivatives: int = 0,
     ahead: Array | None = None,
+    steepness: float = 2.0 * ORDER,
 ) -> tuple[Array, ...]:
     """Filter columns of samples by the low-pass, and differentiate.
 
@@ -98,6 +103,8 @@ def low_passed(
         Number of derivatives.
     ahead : ndarray, shape (k,), optional
         Time shift of each column, towards later samples [s]; short against `reach`.
+    steepness : float
+        n of the filter.
 
     Returns
     -------
@@ -106,12 +113,12 @@ def low_passed(
     """
     n = len(x)
     # samples added at either end, a multiple of `every`
-    pad = every * (min(2 * reach(period, cut_off), n - 1) // every)
+    pad = every * (min(2 * reach(period, cut_off, steepness), n - 1) // every)
     whole = every * fft.next_fast_len(-(-(n + 2 * pad) // every), real=True)
     # constant columns need no filter
     changes = np.flatnonzero(changing(x))
     kept, n_kept = whole // every, -(-n // every)
-    frequencies, gain = _response(whole, kept, period, cut_off)
+    frequencies, gain = _response(whole, kept, period, cut_off, steepness)
     # continue columns by point reflections and a ramp to the first value, (k, whole)
     n = len(x)
     body = np.empty((len(changes), whole))
@@ -149,15 +156,21 @@ def changing(x: Array) -> Mask:
 
 
 @lru_cache(maxsize=16)
-def _response(whole: int, kept: int, period: float, cut_off: float) -> tuple[Array, Array]:
+def _response(
+    whole: int, kept: int, period: float, cut_off: float, steepness: float
+) -> tuple[Array, Array]:
     """Return the kept frequencies of a spectrum of `whole` samples [Hz], and the gain."""
     frequencies = fft.rfftfreq(whole, period)[: kept // 2 + 1]
-    return frequencies, 1.0 / (1.0 + (frequencies / cut_off) ** (2 * ORDER))
+    return frequencies, 1.0 / (1.0 + (frequencies / cut_off) ** steepness)
 
 
-def reach(period: float, cut_off: float) -> int:
-    """Return the number of samples affected by a disturbance in one filter pass."""
-    return int(np.ceil(REACH / (cut_off * period)))
+def reach(period: float, cut_off: float, steepness: float = 2.0 * ORDER) -> int:
+    """Return the number of samples affected by a disturbance in one filter pass.
+
+    The slowest pole of the filter decays by exp(-2 pi sin(pi / n)) in a period of the cut-off.
+    """
+    periods = REACH * np.sin(np.pi / (2.0 * ORDER)) / np.sin(np.pi / steepness)
+    return int(np.ceil(periods / (cut_off * period)))
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -201,13 +214,31 @@ class Processing:
     held: tuple[int, ...] = ()
     rests: Rests = "used"
 
+    @property
+    def steepness(self) -> float:
+        """The n of the positions' filter, which takes at most `FLAT` in the band of the equation."""
+        if self.cut_off <= self.band:  # the torque has passed the same filter
+            return 2.0 * ORDER
+        return max(2.0 * ORDER, -np.log(FLAT) / np.log(self.cut_off / self.band))
+
+    def smoothed(
+        self,
+        x: Array,
+        period: float,
+        every: int = 1,
+        derivatives: int = 0,
+        ahead: Array | None = None,
+    ) -> tuple[Array, ...]:
+        """Filter columns of samples like the positions (`low_passed`)."""
+        return low_passed(x, period, self.cut_off, every, derivatives, ahead, self.steepness)
+
     def moves(self, qd: Array) -> Mask:
         """Return a mask of velocities (..., n_joints) of axes that do not rest."""
         return np.asarray(np.abs(qd) >= SLOWEST * self.speed)
 
     def spoilt(self, period: float) -> int:
         """Return the number of samples at either end affected by reflected samples."""
-        return reach(period, self.cut_off) + reach(period, self.band)
+        return reach(period, self.cut_off, self.steepness) + reach(period, self.band)
 
 
 @dataclass(frozen=True, eq=False)
@@ -248,7 +279,7 @@ class Motion:
     def smooth(self) -> Array:
         """Filtered positions at the recording's sampling rate, shape (n_recorded, n_joints)."""
         q = _every_other(self.recording.q, self.offset)
-        return low_passed(q, self.rates.period, self.processing.cut_off)[0]
+        return self.processing.smoothed(q, self.rates.period)[0]
 
     def half(self, offset: int) -> Motion:
         """Return the motion from half of the samples of the recording, see `filtered_motion`."""
@@ -287,8 +318,7 @@ class Motion:
         if distance == 0:
             return sign_of_velocity(self.qd[:, axis], self.processing.speed[axis])
         z = friction_direction(self.smooth[:, axis], distance)[:, np.newaxis]
-        rates = self.rates
-        return low_passed(z, rates.period, self.processing.cut_off, rates.fine)[0][:, 0]
+        return self.processing.smoothed(z, self.rates.period, self.rates.fine)[0][:, 0]
 
     @property
     def slowest(self) -> Array:
@@ -332,7 +362,7 @@ def filtered_motion(recording: Recording, processing: Processing, offset: int = 
 
     def passed(x: Array, derivatives: int, ahead: Array | None = None) -> tuple[Array, ...]:
         x = _every_other(x, offset)
-        return low_passed(x, recording.period, processing.cut_off, rates.fine, derivatives, ahead)
+        return processing.smoothed(x, period, rates.fine, derivatives, ahead)
 
     q, qd, qdd = passed(recording.q, 2)
     if recording.qd is not None:

@@ -7,7 +7,15 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from hil.estimation.free_motion.motion import Rates, low_passed, reach
+from hil.estimation.free_motion.motion import (
+    Processing,
+    Rates,
+    filtered_motion,
+    low_passed,
+    reach,
+)
+from hil.estimation.free_motion.settings import band_of
+from hil.runs.recording import IDLE, Recording
 
 PERIOD = 0.002
 
@@ -43,12 +51,28 @@ def test_decimation_takes_every_nth_of_the_same_samples(every: int, n: int) -> N
     assert some[inner] == pytest.approx(whole[::every][inner], abs=1e-2)
 
 
-def test_what_is_wrong_beyond_an_end_reaches_no_further_than_is_stated() -> None:
+@pytest.mark.parametrize("steepness", [8.0, 12.0, 17.0])
+def test_what_is_wrong_beyond_an_end_reaches_no_further_than_is_stated(steepness: float) -> None:
     x = wave(1.0)
     cut = 3001
-    whole, part = (low_passed(each, PERIOD, 10.0)[0] for each in (x, x[:cut]))
-    inner = cut - 2 * reach(PERIOD, 10.0)
+    whole, part = (low_passed(each, PERIOD, 10.0, steepness=steepness)[0] for each in (x, x[:cut]))
+    inner = cut - 2 * reach(PERIOD, 10.0, steepness)
     assert np.abs(part[:inner] - whole[:inner]).max() < 1e-4
+
+
+@pytest.mark.parametrize("cut_off", [3.0, 6.0, 9.0, 15.0, 30.0])
+def test_the_equation_loses_no_acceleration_within_its_band(cut_off: float) -> None:
+    # one that is smaller at high frequencies looks like a soft gear
+    speed, none, band = np.ones(2), np.zeros(2), band_of(cut_off)
+    q = wave(band)
+    idle = np.full(len(q), IDLE, np.int16)
+    recording = Recording(PERIOD * np.arange(len(q)), q, q, np.zeros(q.shape, np.uint8), idle, idle)
+    processing = Processing(cut_off, band, speed, none.astype(bool), none, none)
+    motion = filtered_motion(recording, processing)
+    every = motion.rates.fine
+    middle = slice(3000 // every, 5000 // every)
+    found, expected = motion.qdd[middle], -((2 * np.pi * band) ** 2) * q[::every][middle]
+    assert found == pytest.approx(expected, abs=1.1e-3 * np.abs(expected).max())
 
 
 def test_rates_leave_enough_samples_to_both_low_passes() -> None:
