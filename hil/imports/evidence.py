@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from hil.estimation.free_motion.settings import floor, spectrum
 from hil.imports.held import SLOW
 from hil.imports.instants import resampled
 from hil.imports.segments import Piece
@@ -91,6 +92,13 @@ class Excerpt:
     def extent(self) -> Extent:
         """Range and noise of the positions."""
         return extent(self.q, self.period)
+
+    @cached_property
+    def white(self) -> Array:
+        """Variance of the positions' white noise, by the floor of the spectrum, (n_joints,)."""
+        floors = [floor(*spectrum(q, self.period), self.period) for q in self.q.T]
+        # white noise of a variance has twice its product with the period as density
+        return np.array(floors) / (2.0 * self.period)
 
     @cached_property
     def fitted(self) -> tuple[Integers, tuple[Array, ...], Array]:
@@ -216,8 +224,25 @@ class Evidence:
         return cls(q, qd, qdd, tau, recorded_qd, noise_qd, noise_qdd, recorded, moves, duration)
 
 
+def noise_shares(excerpts: Sequence[Excerpt]) -> Array:
+    """Return the shares of torques that noise of positions may leave, shape (n_joints,).
+
+    That of white noise in the power of the joint's own accelerations is left by least squares.
+    Above one half (`plausibility.coarse`) on any moving joint all are infinite: a torque depends on
+    the accelerations of all joints.
+    """
+    noise, whole = 0.0, 0.0
+    for each in excerpts:
+        _, (_, _, qdd, *_), _ = each.fitted
+        noise = noise + len(qdd) * np.sum(parabola(each.period)[2] ** 2) * each.white
+        whole = whole + np.sum(qdd**2, axis=0)
+    share = np.asarray(noise / np.maximum(whole, np.finfo(float).tiny))
+    most = share[moving([each.extent for each in excerpts])].max(initial=0.0)
+    return share if most <= 1 / 2 else np.full_like(share, np.inf)
+
+
 def parabola(period: float) -> Array:
-    """Return the weights of samples in position, velocity and acceleration of a local fit, (3, n)."""
+    """Return weights of samples in position, velocity, acceleration of a local fit, (3, n)."""
     t = np.arange(-(half := half_width(period)), half + 1) * period
     return np.linalg.pinv(np.stack([np.ones_like(t), t, t**2 / 2], axis=1))
 

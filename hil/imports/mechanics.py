@@ -37,7 +37,7 @@ from hil.estimation.excluded.result import located
 from hil.estimation.excluded.words import rank_of
 from hil.estimation.signals import signals
 from hil.estimation.simultaneous import SimultaneousFit
-from hil.imports.evidence import Suspicion
+from hil.imports.evidence import Suspicion, noise_shares
 from hil.imports.two_clocks import clock_of_torques, late_torques
 from hil.least_squares.uncertainty import TWICE
 from hil.model.base_parameters import base_parameters
@@ -252,11 +252,13 @@ def _misread(
             yield from exchange
             return
     n = float(stated.counts[stated.counts > 0].mean())
+    variance = np.concatenate([s.smoothed(s.tau) for _, s in prepared]).var(axis=0)
+    noise = noise_shares(excerpts) * np.maximum(variance, np.finfo(float).tiny)
     others = [each for each in others if "exchanged" not in each.cause and _no_worse(stated, each)]
     for other in others:
         # friction that drives contradicts the map, and so do negative energies together with the
         # misfit, so half of the mean square suffices
-        least, explains = -n * float(np.log(EXPLAINS)), stated.misfit - other.explained.misfit
+        least, explains = -n * float(np.log(EXPLAINS)), _explains(stated, other, noise)
         cures = fast and not stated.possible and other.explained.possible and other.gain >= least
         least = -n * float(np.log(LEAVES)) if other.brakes or cures else least
         # only the signs of all torques turn all energies, and leave the misfit as it is
@@ -264,9 +266,18 @@ def _misread(
         if other.brakes or energy or explains >= least:
             same = [each for each in others if other.gain - each.gain <= TOGETHER]
             same.sort(key=lambda each: rank_of(each.cause, *each.axes))
-            yield _suspicion(stated, same[0], least, [each.named for each in same[1:]])
+            equal = [each.named for each in same[1:]]
+            enough = _explains(stated, same[0], noise) >= least
+            yield _suspicion(stated, same[0], equal, explains=enough)
             return
     yield from exchange
+
+
+def _explains(stated: Explained, other: _Other, noise: Array) -> float:
+    """Return the chi square that another reading explains beyond mean squares of `noise`."""
+    left, here = stated.left, other.explained.left
+    beyond = np.where(here < left, np.maximum(left - noise, here), left)
+    return float(stated.counts @ np.log(beyond / here))
 
 
 def _reordered(
@@ -348,13 +359,15 @@ def _others(stated: Explained, *, poor: bool) -> Iterator[_Other]:
                 yield _Other(gain, brakes, cause, axes, words, here)
 
 
-def _suspicion(stated: Explained, other: _Other, least: float, equal: Sequence[str]) -> Suspicion:
+def _suspicion(
+    stated: Explained, other: _Other, equal: Sequence[str], *, explains: bool
+) -> Suspicion:
     """Return the suspicion of a sign, a scale, a zero or gravity, with equally good readings."""
     here, axes = other.explained, other.axes
     words = f"{'; or '.join([other.named, *equal])}: "
     place = ("joints", axes[0], *PLACES.get(other.cause, ())) if axes else MAP_KEYS[other.cause]
     remedy, driven = CAUSES[other.cause].remedy, int(stated.driven.argmax())
-    if stated.misfit - here.misfit >= least:
+    if explains:
         left = here.left / stated.left
         reason = (
             f"this correction leaves only {100 * left.min():.2g} % of the mean square residual of "

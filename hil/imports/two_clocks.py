@@ -10,10 +10,10 @@ This is solved by least squares over p and a lag l per part of the recording, co
 with Newton's iteration. For torques p holds base parameters and friction of the axes, for
 velocities a scale per joint. Varying lags are stated if they leave half of the mean squares left by
 a constant lag, or less, in the geometric mean over the joints; a constant lag of the torques if it
-leaves half of those without a lag, less the share of noise in the accelerations, which lowers
-inertias: shifted torques would have friction stand for them. Friction that reverses over a presliding distance resembles a
-delay, and is named as well unless a delay leaves half of the mean squares left by the best of some
-distances.
+leaves half of those without a lag. Noise of the positions lowers inertias, and friction of shifted
+torques stands for them; so what noise may leave does not count. Friction that reverses over a
+presliding distance resembles a delay, and is named as well unless a delay leaves half of the mean
+squares left by the best of some distances.
 """
 
 from __future__ import annotations
@@ -26,8 +26,7 @@ import numpy as np
 from hil.estimation.excluded.causes import CAUSES
 from hil.estimation.excluded.finding import LEAVES
 from hil.friction.direction import friction_direction
-from hil.estimation.free_motion.settings import floor, spectrum
-from hil.imports.evidence import Suspicion, half_width, parabola
+from hil.imports.evidence import Suspicion, half_width, noise_shares
 from hil.model.dynamics import regressor
 from hil.model.motors import motor_torque
 
@@ -150,16 +149,20 @@ def _suspicion(
     rows = _rows(excerpts, shown, key, columns, 1)
     one, many = _found(rows, shown, start)
     lag = float(one.lags[0])
+    # a joint shows nothing where noise explains what is left
+    noise = noise_shares(excerpts)[shown] if key == "tau" else np.zeros(1)
     late = presliding is not None and abs(lag) > period
     if late:
         without = _lags(_together(rows), shown, reach=0.0)
-        # a joint shows nothing where noise explains what is left
-        left = np.maximum(without.left - _noise_shares(excerpts)[shown], one.left)
+        left = np.maximum(without.left - noise, one.left)
         late = _left(one, without._replace(left=left)) <= LEAVES
+    if many is not None:
+        left = np.maximum(one.left - noise, many.left)
+        changes = _left(many, one._replace(left=left)) <= LEAVES
     # the instant of a row is known within a period; a lag that is found may change by half
     change = 0.0 if many is None else float(np.ptp(many.lags))
     least = LEAVES * abs(lag) if late else np.inf
-    if many is not None and change > period and (change > least or _left(many, one) <= LEAVES):
+    if many is not None and change > period and (change > least or changes):
         name = {"tau": "torque", "qd": "velocity"}[key]
         check: Check = "shape" if key == "tau" else "velocity"
         place = ("joints", 0, name)
@@ -176,19 +179,6 @@ def _suspicion(
             for of in ((0.0,), (REACH, lag))
         )
         yield late_torques(lag, alike=_left(best, without) > LEAVES)
-
-
-def _noise_shares(excerpts: Sequence[Excerpt]) -> Array:
-    """Return the share of the positions' white noise in the power of accelerations, (n_joints,)."""
-    noise, whole = 0.0, 0.0
-    for each in excerpts:
-        _, (_, _, qdd, *_), _ = each.fitted
-        floors = [floor(*spectrum(q, each.period), each.period) for q in each.q.T]
-        gain = np.sum(parabola(each.period)[2] ** 2)
-        # white noise of a variance has twice its product with the period as density
-        noise = noise + len(qdd) * gain * np.array(floors) / (2.0 * each.period)
-        whole = whole + np.sum(qdd**2, axis=0)
-    return np.asarray(noise / np.maximum(whole, np.finfo(float).tiny))
 
 
 def _rows(

@@ -216,7 +216,7 @@ class Processing:
 
     @property
     def steepness(self) -> float:
-        """The n of the positions' filter, which takes at most `FLAT` in the band of the equation."""
+        """The n of the filter of positions: at most `FLAT` is lost in the equation's band."""
         if self.cut_off <= self.band:  # the torque has passed the same filter
             return 2.0 * ORDER
         return max(2.0 * ORDER, -np.log(FLAT) / np.log(self.cut_off / self.band))

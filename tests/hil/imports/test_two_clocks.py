@@ -10,6 +10,7 @@ from synthetic import TABLE_3_A
 
 from hil.friction.direction import friction_direction
 from hil.imports.evidence import Evidence, Excerpt
+from hil.imports.mechanics import mechanical_suspicions
 from hil.imports.plausibility import coarse, suspicions
 from hil.imports.two_clocks import clock_of_torques, clock_of_velocities
 from hil.model.dynamics import inverse_dynamics
@@ -115,3 +116,21 @@ def test_noise_of_coarse_positions_is_no_lead_of_the_torques():
     shown = ~coarse(Evidence.join(excerpts))
     assert shown.any()
     assert not list(clock_of_torques(excerpts, robot, shown))
+
+
+@pytest.mark.parametrize("seed", [0, 2])
+def test_noise_of_coarse_positions_is_no_other_rate_or_clock(manutec, seed):
+    rng, t = np.random.default_rng(seed), np.arange(0, 20, 0.004)[:, None]
+    w = 2 * np.pi * np.array([0.1, 0.2, 0.3, 0.5])
+    a = rng.normal(size=(4, 6)) / w[:, None]
+    a *= 0.4 * manutec.velocity_limit / (np.abs(a).T @ w)
+    phase, each = rng.uniform(0, 6.28, (4, 6)), [*zip(w, range(4), strict=True)]
+    q, qd, qdd = (
+        sum(f**n * a[k] * np.sin(f * t + phase[k] + n * np.pi / 2) for f, k in each)
+        for n in range(3)
+    )
+    tau = inverse_dynamics(manutec, TABLE_3_A, q, qd, qdd) + manutec.reflected_inertia * qdd
+    tau += 0.1 * tau.std(axis=0) * (np.sign(qd) + qd / qd.std(axis=0))
+    step = 2 * np.pi / 1024
+    excerpts = [Excerpt(0.004, step * np.round(q / step), tau, qd, 1500)]
+    assert not list(mechanical_suspicions(excerpts, manutec, ~coarse(Evidence.join(excerpts))))
