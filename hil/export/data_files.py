@@ -58,14 +58,28 @@ if TYPE_CHECKING:
 
 def write_json(model: Model, origin: tuple[str, ...]) -> Exported:
     """Return the model as `model.json`."""
-    law = model.friction_law
-    base = base_parameters(model.robot)
+    robot, law = model.robot, model.friction_law
+    base = base_parameters(robot)
     rows = zip(base.names, base.expressions, base.units, base.heads, strict=True)
+    tree = [] if robot.is_chain else ["gamma", "b"]
+    frame = (*tree, "alpha", "d", "theta", "r")
     content = {
         "origin": list(origin),
-        "robot": model.robot.name,
-        "gravity_m_per_s2": model.robot.gravity.tolist(),
-        "joints": [_json_joint(model, axis) for axis in range(model.robot.n_joints)],
+        "robot": robot.name,
+        "gravity_m_per_s2": robot.gravity.tolist(),
+        "joints": [
+            {
+                "joint": axis + 1,
+                "type": "revolute" if robot.revolute[axis] else "prismatic",
+                "position_unit": robot.position_unit(axis),
+                "torque_unit": robot.torque_unit(axis),
+                **({"parent": robot.parents[axis] + 1} if tree else {}),
+                "frame": {name: float(getattr(robot, name)[axis]) for name in frame},
+                "reflected_inertia": float(robot.reflected_inertia[axis]),
+                "residual": None if np.isnan(residual) else float(residual),
+            }
+            for axis, residual in enumerate(model.residual)
+        ],
         "base_parameters": [
             {
                 "name": name,
@@ -81,24 +95,6 @@ def write_json(model: Model, origin: tuple[str, ...]) -> Exported:
         "friction": law.model_dump(mode="json") if law.known else None,
     }
     return Exported({"model.json": json.dumps(content, indent=2, allow_nan=False) + "\n"})
-
-
-def _json_joint(model: Model, axis: int) -> dict[str, object]:
-    """Return frame, unit and drive of a joint (from 0)."""
-    robot, residual = model.robot, float(model.residual[axis])
-    tree = [] if robot.is_chain else ["gamma", "b"]
-    return {
-        "joint": axis + 1,
-        "type": "revolute" if robot.revolute[axis] else "prismatic",
-        "position_unit": robot.position_unit(axis),
-        "torque_unit": robot.torque_unit(axis),
-        **({"parent": robot.parents[axis] + 1} if tree else {}),
-        "frame": {
-            name: float(getattr(robot, name)[axis]) for name in (*tree, "alpha", "d", "theta", "r")
-        },
-        "reflected_inertia": float(robot.reflected_inertia[axis]),
-        "residual": None if np.isnan(residual) else residual,
-    }
 
 
 FORMULAS = {name: term.formula for name, term in OF_SPEED.items()}
@@ -135,60 +131,51 @@ def write_friction(model: Model, origin: tuple[str, ...]) -> Exported:
     law, simple = known_friction(model), simple_friction(model)
     ends = list(zip(simple_friction(model, 0.0), simple_friction(model, 1.0), strict=True))
     known = [own for own in law.axes if own is not None]
+    axes = []
+    for own, each, (cold, warm) in zip(known, simple, ends, strict=True):
+        warmth: dict[str, object] | None = None
+        if own.warmth is not None:
+            warmth = own.warmth.model_dump(mode="json")
+            warmth["cold"] = {"factor": own.warmth.cold} | _simplified(cold)
+            warmth["warm"] = {"factor": own.warmth.warm} | _simplified(warm)
+        axes.append(
+            {
+                "axis": each.axis + 1,
+                "torque_unit": model.robot.torque_unit(each.axis),
+                "velocity_unit": f"{model.robot.position_unit(each.axis)}/s",
+                "law": own.law,
+                "speed": own.speed,
+                "speeds": own.speeds,
+                "slope_beyond": own.slope,
+                "presliding_distance": own.presliding,
+                "terms": {name: value.model_dump() for name, value in own.terms.items()},
+                "level_wandered_by_share": own.wander,
+                "curve": {
+                    "velocity": each.speeds.tolist(),
+                    "forward": each.forward.tolist(),
+                    "backward": each.backward.tolist(),
+                    "standard_error": friction_alone(model, each.axis, each.speeds)[1].tolist(),
+                },
+                **_simplified(each),
+                "warmth": warmth,
+            }
+        )
     content = {
         "origin": list(origin),
         "robot": model.robot.name,
         "formulas": FORMULAS | {"cosine k, sine k": "of k times the motor's angle"},
         "taken": TAKEN,
-        "axes": [
-            _friction_axis(model, own, each) | _warmth(own, *cold_and_warm)
-            for own, each, cold_and_warm in zip(known, simple, ends, strict=True)
-        ],
+        "axes": axes,
         "unknown": list(law.unknown),
         "warmth": WARMTH,
         "coupled": [each.model_dump(mode="json") for each in law.coupled],
     }
     text = json.dumps(content, indent=2, allow_nan=False) + "\n"
-    warm = [k for k, own in enumerate(known) if own.warmth is not None]
+    warmed = [k for k, own in enumerate(known) if own.warmth is not None]
     said = misfits(model, simple)
     for end, name in enumerate((", cold", ", warm")):
-        said += misfits(model, tuple(ends[k][end] for k in warm), name)
+        said += misfits(model, tuple(ends[k][end] for k in warmed), name)
     return Exported({"friction.json": text}, tuple(said))
-
-
-def _friction_axis(model: Model, law: AxisLaw, simple: SimpleFriction) -> dict[str, object]:
-    axis = simple.axis
-    return {
-        "axis": axis + 1,
-        "torque_unit": model.robot.torque_unit(axis),
-        "velocity_unit": f"{model.robot.position_unit(axis)}/s",
-        "law": law.law,
-        "speed": law.speed,
-        "speeds": law.speeds,
-        "slope_beyond": law.slope,
-        "presliding_distance": law.presliding,
-        "terms": {name: value.model_dump() for name, value in law.terms.items()},
-        "level_wandered_by_share": law.wander,
-        "curve": {
-            "velocity": simple.speeds.tolist(),
-            "forward": simple.forward.tolist(),
-            "backward": simple.backward.tolist(),
-            "standard_error": friction_alone(model, axis, simple.speeds)[1].tolist(),
-        },
-        **_simplified(simple),
-    }
-
-
-def _warmth(law: AxisLaw, cold: SimpleFriction, warm: SimpleFriction) -> dict[str, object]:
-    """Return the effect of warmth on the friction of an axis; null if not identified."""
-    own = law.warmth
-    if own is None:
-        return {"warmth": None}
-    ends = {"cold": (own.cold, cold), "warm": (own.warm, warm)}
-    return {
-        "warmth": own.model_dump(mode="json")
-        | {name: {"factor": factor} | _simplified(each) for name, (factor, each) in ends.items()}
-    }
 
 
 def _simplified(simple: SimpleFriction) -> dict[str, object]:
@@ -218,14 +205,25 @@ NOTES = (
 
 def write_ros2(model: Model, origin: tuple[str, ...]) -> Exported:
     """Return the model as `NAME.ros2.yaml`."""
-    robot, friction = model.robot, friction_of_joints(model)
-    names = [f"joint{axis + 1}" for axis in range(robot.n_joints)]
+    robot, names, dynamics = model.robot, [], {}
+    for axis, friction in enumerate(friction_of_joints(model)):
+        names.append(f"joint{axis + 1}")
+        found: dict[str, object] = {"armature": float(robot.reflected_inertia[axis])}
+        for key in ("gear_ratio", "torque_constant"):
+            value = float(getattr(robot, key)[axis])
+            if np.isfinite(value):
+                found[key] = value
+        if friction is not None:
+            stribeck = friction.stribeck._asdict()
+            del stribeck["misfit"]
+            found["friction"] = {**_plain(friction), "stribeck": stribeck}
+        dynamics[names[-1]] = found
     content = {
         "joint_dynamics": {
             "ros__parameters": {
                 "joints": names,
                 "gravity": [float(x) for x in robot.gravity],
-                **{name: _dynamics(model, k, friction[k]) for k, name in enumerate(names)},
+                **dynamics,
             }
         },
         "joint_limits": {
@@ -238,20 +236,6 @@ def write_ros2(model: Model, origin: tuple[str, ...]) -> Exported:
     head = "".join(f"{comment(line)}\n" for line in (*origin, *NOTES, *remarks))
     text = head + yaml.safe_dump(content, sort_keys=False)
     return Exported({f"{robot.name}.ros2.yaml": text}, remarks)
-
-
-def _dynamics(model: Model, axis: int, friction: SimpleFriction | None) -> dict[str, object]:
-    robot = model.robot
-    found: dict[str, object] = {"armature": float(robot.reflected_inertia[axis])}
-    for key in ("gear_ratio", "torque_constant"):
-        value = float(getattr(robot, key)[axis])
-        if np.isfinite(value):
-            found[key] = value
-    if friction is not None:
-        stribeck = friction.stribeck._asdict()
-        del stribeck["misfit"]
-        found["friction"] = {**_plain(friction), "stribeck": stribeck}
-    return found
 
 
 def _limits(model: Model, axis: int) -> dict[str, object]:
@@ -333,21 +317,22 @@ def draw(model: Model, rng: np.random.Generator) -> Model:
     """Draw base parameters and friction of axes from their joint distribution."""
     change = _root(model.covariance) @ rng.standard_normal(len(model.values))
     weights = np.asarray(np.linalg.pinv(model.covariance, 1e-10, hermitian=True), dtype=float)
-    axes = tuple(each and _draw(each, weights, change, rng) for each in model.friction_law.axes)
-    law = model.friction_law.model_copy(update={"axes": axes})
+    axes: list[AxisLaw | None] = []
+    for each in model.friction_law.axes:
+        axes.append(each)
+        if each is None:
+            continue
+        # given the change of the base parameters
+        V, mean = each.uncertainty, each.values
+        if each.beside:
+            shared = np.array(each.beside)
+            mean = mean + shared @ weights @ change
+            V = V - shared @ weights @ shared.T
+        values = mean + _root(V) @ rng.standard_normal(len(mean))
+        terms = TermValue.named(each.terms, values, each.uncertainty)
+        axes[-1] = each.model_copy(update={"terms": terms})
+    law = model.friction_law.model_copy(update={"axes": tuple(axes)})
     return replace(model, values=model.values + change, friction_law=law)
-
-
-def _draw(law: AxisLaw, weights: Array, change: Array, rng: np.random.Generator) -> AxisLaw:
-    """Draw an axis's terms, given the change of the base parameters."""
-    V, mean = law.uncertainty, law.values
-    if law.beside:
-        shared = np.array(law.beside)
-        mean = mean + shared @ weights @ change
-        V = V - shared @ weights @ shared.T
-    values = mean + _root(V) @ rng.standard_normal(len(mean))
-    terms = TermValue.named(law.terms, values, law.uncertainty)
-    return law.model_copy(update={"terms": terms})
 
 
 def _root(V: Array) -> Array:

@@ -55,7 +55,20 @@ class Expression:
         return self.graph.combine("negative", (self,))
 
     def __add__(self, other: Expression | float) -> Expression:
-        return _sum(self, self.graph.lift(other))
+        right = self.graph.lift(other)
+        if self.operation == right.operation == "number":
+            return self.graph.number(self.number + right.number)
+        if self.is_number(0.0) or right.is_number(0.0):
+            return right if self.is_number(0.0) else self
+        (a, negative_a), (b, negative_b) = _unsigned(self), _unsigned(right)
+        if a is b:
+            return self.graph.number(0.0) if negative_a != negative_b else self * 2.0
+        # the sum of two expressions with separate signs
+        if negative_a and negative_b:
+            return -(a + b)
+        if negative_a or negative_b:
+            return a.graph.combine("-", (b, a) if negative_a else (a, b))
+        return a.graph.combine("+", _ordered(a, b))
 
     def __radd__(self, other: Expression | float) -> Expression:
         return self + other
@@ -67,7 +80,14 @@ class Expression:
         return -self + other
 
     def __mul__(self, other: Expression | float) -> Expression:
-        return _product(self, self.graph.lift(other))
+        left, right = self, self.graph.lift(other)
+        if right.operation == "number":
+            left, right = right, left
+        if left.operation == "number":
+            return _scaled(left.number, right)
+        (a, negative_a), (b, negative_b) = _unsigned(left), _unsigned(right)
+        product = self.graph.combine("*", _ordered(a, b))
+        return -product if negative_a != negative_b else product
 
     def __rmul__(self, other: Expression | float) -> Expression:
         return self * other
@@ -149,34 +169,6 @@ def count(outputs: Iterable[Expression]) -> Count:
     added = sum(operations.count(kind) for kind in ("+", "-", "negative"))
     multiplied = operations.count("*")
     return Count(multiplied, added, len(operations) - multiplied - added - sum(plain))
-
-
-def _sum(left: Expression, right: Expression) -> Expression:
-    graph = left.graph
-    if left.operation == right.operation == "number":
-        return graph.number(left.number + right.number)
-    if left.is_number(0.0) or right.is_number(0.0):
-        return right if left.is_number(0.0) else left
-    (a, negative_a), (b, negative_b) = _unsigned(left), _unsigned(right)
-    if a is b:
-        return graph.number(0.0) if negative_a != negative_b else left * 2.0
-    # the sum of two expressions with separate signs
-    if negative_a and negative_b:
-        return -(a + b)
-    if negative_a or negative_b:
-        return a.graph.combine("-", (b, a) if negative_a else (a, b))
-    return a.graph.combine("+", _ordered(a, b))
-
-
-def _product(left: Expression, right: Expression) -> Expression:
-    graph = left.graph
-    if right.operation == "number":
-        left, right = right, left
-    if left.operation == "number":
-        return _scaled(left.number, right)
-    (a, negative_a), (b, negative_b) = _unsigned(left), _unsigned(right)
-    product = graph.combine("*", _ordered(a, b))
-    return -product if negative_a != negative_b else product
 
 
 def _scaled(factor: float, of: Expression) -> Expression:

@@ -162,9 +162,17 @@ class _Equations:
         """Return the torques of the rigid bodies, with rotor inertias and springs."""
         chain = joints(self._graph, self._robot, q)
         found = rigid_bodies(chain, self._bodies, qd, qdd, self._robot.gravity.tolist())
+        # springs and counterbalances are the last of the added parameters
+        stated = self._robot.file.springs or ()
+        springs: list[Scalar] = [0.0] * len(q)
+        shapes = {"cosine": "cos", "sine": "sin"}
+        first = len(self._added) - len(stated)
+        for spring, value in zip(stated, self._added[first:], strict=True):
+            at, name = spring.joint - 1, shapes.get(spring.shape)
+            springs[at] += value * (q[at] if name is None else self._graph.function(name, q[at]))
         return [
             tau + spring + sum((H * dv for H, dv in zip(row, qdd, strict=True)), start=0.0)
-            for tau, spring, row in zip(found, self._springs(q), self._constant, strict=True)
+            for tau, spring, row in zip(found, springs, self._constant, strict=True)
         ]
 
     def regressor(self, q: Vector, qd: Vector) -> list[Scalar]:
@@ -193,8 +201,12 @@ class _Equations:
         warmth: Vector | None = None,
         directions: Sequence[Vector] | None = None,
     ) -> list[Scalar]:
-        """Return friction and ripple; `load`: rigid-body torques; `directions`: of `_turned`."""
-        law = known_friction(self._model)
+        """Return friction and ripple.
+
+        `load`: torques of the rigid bodies; `directions`: of friction, by the presliding distance
+        and by a longer and a shorter one.
+        """
+        law, graph = known_friction(self._model), self._graph
         found: list[Scalar] = []
         for axis, own in enumerate(law.axes):
             if own is None:
@@ -203,16 +215,33 @@ class _Equations:
             at = axis, q[axis], qd[axis], load[axis]
             if directions is None or not own.presliding:
                 u = qd[axis] * (1.0 / (STILL * own.speed))
-                level, other = self._axis(own, at, *2 * (self._graph.function("direction", u),))
+                level, other = self._axis(own, at, *2 * (graph.function("direction", u),))
             else:
-                level, other = self._presliding(own, at, *(each[axis] for each in directions))
+                one, (turned, later, sooner) = (
+                    graph.number(1.0),
+                    (each[axis] for each in directions),
+                )
+                level, other = self._axis(own, at, turned, graph.function("sign", turned))
+                level = level + (later - sooner) * (own.bend.value / (2.0 * math.log(STEP)))
+                # bounded by its value in sliding, as in `hil.friction.law.friction_torque`
+                speed = graph.function("abs", qd[axis])
+                slowest = own.speeds[0] if own.speeds else SLOWEST * own.speed
+                a, b = (
+                    graph.function("abs", self._axis(own, (*at[:2], sliding, at[3]), one, one)[0])
+                    for sliding in (speed, self._larger(speed, graph.number(slowest)))
+                )
+                most = self._larger(a, b)
+                above, below = (
+                    graph.function("abs", each) for each in (level + most, level - most)
+                )
+                level = (above - below) * 0.5
             if warmth is not None and own.warmth is not None:
                 # clipped to the observed range
                 seen = self._clipped(warmth[axis], *own.warmth.seen)
                 level = level * (1.0 + own.warmth.slope * (seen - own.warmth.reference))
             found.append(level + other)
         for (motor, joint, ratio), each in zip(self._robot.couplings, law.coupled, strict=True):
-            turning = self._graph.function("sign", ratio * qd[joint] + qd[motor])
+            turning = graph.function("sign", ratio * qd[joint] + qd[motor])
             coulomb, viscous = each.coulomb.value * turning, each.viscous.value * ratio
             found[motor] += coulomb + viscous * qd[joint]
             found[joint] += ratio * coulomb + viscous * qd[motor]
@@ -246,21 +275,21 @@ class _Equations:
         rows = shares_of_current(self._robot) or []
         return [sum(k * each for k, each in zip(row, tau, strict=True)) for row in rows]
 
-    def _springs(self, q: Vector) -> list[Scalar]:
-        """Return the torques of springs and counterbalances, the last of the added parameters."""
-        stated = self._robot.file.springs or ()
-        found: list[Scalar] = [0.0] * self._robot.n_joints
-        shapes = {"cosine": "cos", "sine": "sin"}
-        first = len(self._added) - len(stated)
-        for spring, value in zip(stated, self._added[first:], strict=True):
-            at, name = spring.joint - 1, shapes.get(spring.shape)
-            found[at] += value * (q[at] if name is None else self._graph.function(name, q[at]))
-        return found
-
     def dynamics(self, q: Vector, qd: Vector, qdd: Vector, *memory: Vector) -> list[Scalar]:
         """Return the sum of all `PARTS`, then the friction directions after the step."""
         load = [self._graph.lift(each) for each in self.rigid_bodies(q, qd, qdd)]
-        directions = self._turned(q, *memory)
+        graph, law = self._graph, self._model.friction_law
+        directions: list[Vector] = []
+        for factor, old in zip((1.0, STEP, 1.0 / STEP), memory[1:], strict=True):
+            directions.append([])
+            for own, now, then, z in zip(law.axes, q, memory[0], old, strict=True):
+                if own is None or not own.presliding:
+                    directions[-1].append(graph.number(0.0))
+                    continue
+                step = now - then
+                sign = graph.function("sign", step)
+                way = graph.function("abs", step) * (-1.0 / (factor * own.presliding))
+                directions[-1].append(sign - (sign - z) * graph.function("exp", way))
         rub = [self._graph.number(0.0)] * len(q)
         if len(self._model.axes_without_friction) < len(q):
             found = self.friction(q, qd, load, directions=directions)
@@ -269,42 +298,6 @@ class _Equations:
         torque = [a + H * dv + b for a, H, dv, b in zip(load, reflected, qdd, rub, strict=True)]
         kept = [each for direction in directions for each in direction]
         return [*self.gravity(q), *load, *rub, *torque, *kept]
-
-    def _turned(self, q: Vector, before: Vector, *directions: Vector) -> list[Vector]:
-        """Return directions after a step, over the shorter and the longer presliding distances."""
-        graph, law = self._graph, self._model.friction_law
-        found: list[Vector] = []
-        for factor, old in zip((1.0, STEP, 1.0 / STEP), directions, strict=True):
-            found.append([])
-            for own, now, then, z in zip(law.axes, q, before, old, strict=True):
-                if own is None or not own.presliding:
-                    found[-1].append(graph.number(0.0))
-                    continue
-                step = now - then
-                sign = graph.function("sign", step)
-                way = graph.function("abs", step) * (-1.0 / (factor * own.presliding))
-                found[-1].append(sign - (sign - z) * graph.function("exp", way))
-        return found
-
-    def _presliding(
-        self, law: AxisLaw, at: At, turned: Expression, later: Expression, sooner: Expression
-    ) -> tuple[Expression, Expression]:
-        """Return both parts of friction as `_axis`, with a direction that follows the motion.
-
-        The first part is bounded by its value in sliding, as in `hil.friction.law.friction_torque`.
-        """
-        (axis, q, qd, load), graph, one = at, self._graph, self._graph.number(1.0)
-        level, other = self._axis(law, at, turned, graph.function("sign", turned))
-        level = level + (later - sooner) * (law.bend.value / (2.0 * math.log(STEP)))
-        speed = graph.function("abs", qd)
-        slowest = law.speeds[0] if law.speeds else SLOWEST * law.speed
-        a, b = (
-            graph.function("abs", self._axis(law, (axis, q, sliding, load), one, one)[0])
-            for sliding in (speed, self._larger(speed, graph.number(slowest)))
-        )
-        most = self._larger(a, b)
-        above, below = (graph.function("abs", each) for each in (level + most, level - most))
-        return (above - below) * 0.5, other
 
     def _larger(self, a: Expression, b: Expression) -> Expression:
         return (a + b + self._graph.function("abs", a - b)) * 0.5
@@ -331,7 +324,14 @@ class _Equations:
             "load": lambda: graph.function("abs", load) * direction,
         }
         for term, value in law.terms.items():
-            shape = shapes[term]() if term in shapes else self._ripple(axis, term, q)
+            if term in shapes:
+                shape = shapes[term]()
+            else:  # ripple, of an order of the motor's angle
+                wave, order = re.fullmatch(r"(cosine|sine) (\d+)", term).groups()  # type: ignore[union-attr]
+                ratio = float(np.nan_to_num(self._robot.gear_ratio[axis]))
+                angle = q * (ratio * int(order))
+                name = {"cosine": "cos", "sine": "sin"}[wave]
+                shape = graph.function(name, angle) if ratio else graph.number(0.0)
             if term in DIRECTED:
                 level = level + value.value * shape
             else:
@@ -342,15 +342,6 @@ class _Equations:
         """Return x clipped to [low, high], computed with absolute values alone."""
         above, below = (self._graph.function("abs", x - end) for end in (low, high))
         return (above - below + (low + high)) * 0.5
-
-    def _ripple(self, axis: int, term: str, q: Expression) -> Expression:
-        """Return ripple of a given order of the motor's angle; 0 for an unknown gear ratio."""
-        ratio = float(np.nan_to_num(self._robot.gear_ratio[axis]))
-        wave, order = re.fullmatch(r"(cosine|sine) (\d+)", term).groups()  # type: ignore[union-attr]
-        if not ratio:
-            return self._graph.number(0.0)
-        name = {"cosine": "cos", "sine": "sin"}[wave]
-        return self._graph.function(name, q * (ratio * int(order)))
 
 
 def shares_of_current(robot: Robot) -> list[list[float]] | None:

@@ -21,7 +21,7 @@ from hil.export.functions import MEMORY, PARTS, functions, stateful_dynamics
 from hil.export.source_code import Syntax, assignments, description, identifier, remarks
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Iterator
+    from collections.abc import Iterable
 
     from hil.export.functions import Function
     from hil.results.model import Model
@@ -142,7 +142,12 @@ def write_c(model: Model, origin: tuple[str, ...]) -> Exported:
         c_comment(description(model, origin, found)),
         f"#ifndef {upper}_DYNAMICS_H\n#define {upper}_DYNAMICS_H\n\n#include <math.h>\n",
         TYPES.format(name=name, upper=upper),
-        *(_c_helper(name, each) for each in _C_BODIES if each in _operations(found)),
+        *(
+            f"static inline {name}_real {name}_{each}({name}_real x)\n{{\n"
+            f"{_C_BODIES[each].format(name=name)}\n}}\n"
+            for each in _C_BODIES
+            if each in _operations(found)
+        ),
         f"#define {upper}_JOINTS {model.robot.n_joints}",
         "/* Motors' own inertia, joint side, for the diagonal of the mass matrix. */",
         f"#define {upper}_MOTOR_INERTIA {{{inertias}}}\n",
@@ -161,11 +166,6 @@ def write_c(model: Model, origin: tuple[str, ...]) -> Exported:
 def _operations(functions: Iterable[Function]) -> set[str]:
     """Return the names of the operations in functions."""
     return {each.operation for function in functions for each in needed(function.results)}
-
-
-def _c_helper(name: str, helper: str) -> str:
-    body = _C_BODIES[helper].format(name=name)
-    return f"static inline {name}_real {name}_{helper}({name}_real x)\n{{\n{body}\n}}\n"
 
 
 def c_function(name: str, upper: str, function: Function) -> str:
@@ -358,11 +358,7 @@ def write_st(model: Model, origin: tuple[str, ...]) -> Exported:
     if joints > AXES_OF_SOFTMOTION:
         lack = f"no block for SoftMotion, whose groups have {AXES_OF_SOFTMOTION} axes at most"
         return Exported(files, (*said, lack))
-    return Exported(files | {f"{name}_softmotion.st": _softmotion(model, name)}, said)
-
-
-def _softmotion(model: Model, name: str) -> str:
-    axes = range(model.robot.n_joints)
+    axes = range(joints)
     states = {"q": "position", "qd": "velocity", "qdd": "acceleration"}
     lines = [
         *(f"    {a}[{k}] := {b}.a{k} * unit[{k}];" for a, b in states.items() for k in axes),
@@ -372,9 +368,10 @@ def _softmotion(model: Model, name: str) -> str:
     ]
     units = (literal(math.pi / 180 if each else 1.0) for each in model.robot.revolute.tolist())
     head = (*cautions(model), *(line.format(name=name) for line in _SOFTMOTION))
-    return st_comment(head) + _WRAPPER.format(
-        name=name, last=len(axes) - 1, units=", ".join(units), lines="\n".join(lines)
+    wrapper = st_comment(head) + _WRAPPER.format(
+        name=name, last=joints - 1, units=", ".join(units), lines="\n".join(lines)
     )
+    return Exported(files | {f"{name}_softmotion.st": wrapper}, said)
 
 
 def st_block(name: str, function: Function, joints: int) -> str:
@@ -394,7 +391,17 @@ def st_block(name: str, function: Function, joints: int) -> str:
         known = " AND ".join(f"(ABS(q[{k}]) >= LREAL#0.0)" for k in range(size))
         begin = ["IF first THEN", "    before := q;", f"    first := NOT ({known});", "END_IF;"]
         first = len(lines) - size * len(kept[1:])
-        lines = [*begin, *lines[:first], *_memory(lines[first:], size)]
+        directions = lines[first:]
+        lines = [*begin, *lines[:first]]
+        for k in range(size):  # a position that is NaN changes neither direction nor memory
+            lines += [
+                f"IF ABS(q[{k}] - before[{k}]) >= LREAL#0.0 THEN",
+                *(f"    {each}" for each in directions[k::size]),
+                "END_IF;",
+                f"IF ABS(q[{k}]) >= LREAL#0.0 THEN",
+                f"    before[{k}] := q[{k}];",
+                "END_IF;",
+            ]
         declared = [*(f"{each} : {kind};" for each in kept), "first : BOOL := TRUE;", *declared]
     inputs = [f"{each} : {name}_joints;" for each in function.arguments if each not in kept]
     outputs = [f"{each} : {kind};" for each in results[: len(PARTS)]]
@@ -405,17 +412,6 @@ def st_block(name: str, function: Function, joints: int) -> str:
         f"{st_variables('VAR', declared) if declared else ''}"
         f"{indented(lines)}\nEND_FUNCTION_BLOCK\n"
     )
-
-
-def _memory(directions: list[str], size: int) -> Iterator[str]:
-    """Yield assignments to `MEMORY`, axis by axis, without those from a position that is NaN."""
-    for k in range(size):
-        yield f"IF ABS(q[{k}] - before[{k}]) >= LREAL#0.0 THEN"
-        yield from (f"    {each}" for each in directions[k::size])
-        yield "END_IF;"
-        yield f"IF ABS(q[{k}]) >= LREAL#0.0 THEN"
-        yield f"    before[{k}] := q[{k}];"
-        yield "END_IF;"
 
 
 def st_type(name: str, joints: int, size: int) -> str:

@@ -48,14 +48,11 @@ from hil.model.readers.axes_to_frames import difference
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator, Sequence
     from pathlib import Path
-    from xml.etree.ElementTree import Element
 
     from hil.arrays import Array
     from hil.estimation.consistent.conditions import BodyBounds
     from hil.export.simulated_robot import SimulatedJoint, SimulatedRobot
     from hil.export.urdf_file import Given
-    from hil.model.readers.mjcf import MjcfChain
-    from hil.model.readers.mjcf_text import Placed
     from hil.model.readers.urdf import UrdfChain
     from hil.model.robot import Robot
     from hil.results.model import Model
@@ -290,7 +287,19 @@ class _Urdf:
         new = _shared_out(joint.body, [parameter_map(pose) @ body for _, pose, body in stated])
         for (name, pose, body), whole in zip(stated, new, strict=True):
             yield from self._inertial(name, body, parameter_map(inverse(pose)) @ whole)
-        yield from self._dynamics(self._elements[joint.name], joint)
+        if joint.friction is None:
+            yield "damping and friction"
+            return
+        values = {
+            "damping": number(joint.friction.viscous), "friction": number(joint.friction.coulomb),
+        }  # fmt: skip
+        element = self._elements[joint.name]
+        stands = element.find("dynamics")
+        if stands is not None:
+            self._xml.set(stands, values)
+        else:
+            said = " ".join(f'{key}="{value}"' for key, value in values.items())
+            self._xml.insert(element, f"<dynamics {said}/>")
 
     def _inertial(self, name: str, stated: Array, body: Array) -> Iterator[str]:
         """Write the inertial of a link with a stated one; yield names of unchanged quantities."""
@@ -317,20 +326,6 @@ class _Urdf:
             else:
                 self._xml.set(inertia, {key: number(new.inertia[at])})
 
-    def _dynamics(self, element: Element, joint: SimulatedJoint) -> Iterator[str]:
-        if joint.friction is None:
-            yield "damping and friction"
-            return
-        values = {
-            "damping": number(joint.friction.viscous), "friction": number(joint.friction.coulomb),
-        }  # fmt: skip
-        stands = element.find("dynamics")
-        if stands is not None:
-            self._xml.set(stands, values)
-        else:
-            said = " ".join(f'{key}="{value}"' for key, value in values.items())
-            self._xml.insert(element, f"<dynamics {said}/>")
-
     def remarks(self, model: Model, robot: SimulatedRobot) -> Iterator[str]:
         reader, joints = self._given.reader, self.chain.joints
         links = {joint.link for joint in joints}
@@ -351,7 +346,19 @@ class _Mjcf:
     """MJCF with its included files."""
 
     def __init__(self, path: Path, robot: Robot) -> None:
-        self.path, self.chain = path, _chain_of(path, robot)
+        from hil.model.readers.mjcf import read_chains  # noqa: PLC0415 - MuJoCo is an extra
+
+        why = NO_CHAIN if robot.is_chain else NO_TREE
+        for chain in read_chains(path, robot):
+            why = difference(chain, robot)
+            if not why:
+                break
+        else:
+            raise Mismatch(
+                f"{path}: no chain of {robot.n_joints} joints has the frames of {robot.name}: "
+                f"{why}; give the file that the robot was made from"
+            )
+        self.path, self.chain = path, chain
         self._text, self._model = self.chain.text, self.chain.model
         if self._text.uses_geom_inertias:
             raise Mismatch(
@@ -365,9 +372,11 @@ class _Mjcf:
                     " a body of its own, or export without --patch"
                 )
         self._xml = {file: XmlPatch(each) for file, each in self._text.files.items()}
-        self._bodies = moved_to_frames(
-            self.chain, robot, [self._total(b) for b in self.chain.bodies]
-        )
+        totals = [
+            np.sum([stated for _, _, stated in self._parts(body)], axis=0)
+            for body in self.chain.bodies
+        ]
+        self._bodies = moved_to_frames(self.chain, robot, totals)
 
     def bodies(self) -> Array:
         return self._bodies
@@ -411,16 +420,30 @@ class _Mjcf:
             pose = in_joint @ pose
             yield each, pose, parameter_map(pose) @ self._stated(each)
 
-    def _total(self, body: int) -> Array:
-        return np.asarray(np.sum([stated for _, _, stated in self._parts(body)], axis=0))
-
     def patch(self, k: int, joint: SimulatedJoint) -> Iterator[str]:
         body = self.chain.bodies[k]
         parts = list(self._parts(body))
         new = _shared_out(joint.body, [stated for _, _, stated in parts])
         for (each, pose, _), found in zip(parts, new, strict=True):
             yield from self._inertial(each, parameter_map(inverse(pose)) @ found)
-        yield from self._joint(self._text.bodies[body][1][0], self.chain.dofs[k], joint)
+        placed, dof, model = self._text.bodies[body][1][0], self.chain.dofs[k], self._model
+        stated: dict[str, tuple[Sequence[float], Sequence[float]]] = {
+            "armature": ([model.dof_armature[dof]], [joint.armature])
+        }
+        if joint.friction is None:
+            yield from ("damping", "frictionloss")
+        else:
+            polynomial = model.dof_damping[dof], *model.dof_dampingpoly[dof]
+            coulomb = joint.friction.coasting.coulomb
+            stated["damping"] = polynomial, joint.friction.damping
+            stated["frictionloss"] = [model.dof_frictionloss[dof]], [coulomb]
+        values = {}
+        for key, (before, now) in stated.items():
+            if _kept_or_new(np.pad(now, (0, len(before) - len(now))), np.array(before)):
+                yield key
+            else:
+                values[key] = numbers(now)
+        self._xml[placed.file.path].set(placed.element, values)
 
     def _inertial(self, body: int, found: Array) -> Iterator[str]:
         """Write the inertial of a body; yield the names of unchanged quantities."""
@@ -439,37 +462,31 @@ class _Mjcf:
             values["pos"] = numbers(new.centre)
         if _kept_or_new(new.inertia, old.inertia):
             yield f"inertia of {name}"
+        elif element is not None and element.get("fullinertia") is not None:
+            along = turned @ new.inertia @ turned.T
+            values["fullinertia"] = numbers(along[at] for at in FULL)
         else:
-            values |= _inertia(new, turned, element)
+            # the principal axes nearest to the old axes, in which the inertia is given
+            moments, axes = np.linalg.eigh(new.inertia)
+            order = [int(np.argmax(np.abs(axes[i]))) for i in range(3)]
+            if sorted(order) == [0, 1, 2]:
+                moments, axes = moments[order], axes[:, order] * np.sign(np.diag(axes[:, order]))
+            if np.linalg.det(axes) < 0:
+                axes[:, 2] *= -1
+            values |= {
+                key: None for key in ORIENTATIONS if element is not None and key in element.attrib
+            }
+            values |= {"diaginertia": numbers(moments), "quat": numbers(quaternion(turned @ axes))}
         if element is not None:
             xml.set(element, values)
         elif values:
-            along = Body.create(found, np.eye(3))
-            full = numbers(along.inertia[at] for at in FULL)
+            own = Body.create(found, np.eye(3))
+            full = numbers(own.inertia[at] for at in FULL)
             xml.insert(
                 placed.element,
-                f'<inertial pos="{numbers(along.centre)}" mass="{number(along.mass)}"'
+                f'<inertial pos="{numbers(own.centre)}" mass="{number(own.mass)}"'
                 f' fullinertia="{full}"/>',
             )
-
-    def _joint(self, placed: Placed, dof: int, joint: SimulatedJoint) -> Iterator[str]:
-        model, friction = self._model, joint.friction
-        stated: dict[str, tuple[Sequence[float], Sequence[float]]] = {
-            "armature": ([model.dof_armature[dof]], [joint.armature])
-        }
-        if friction is None:
-            yield from ("damping", "frictionloss")
-        else:
-            polynomial = model.dof_damping[dof], *model.dof_dampingpoly[dof]
-            stated["damping"] = polynomial, friction.damping
-            stated["frictionloss"] = [model.dof_frictionloss[dof]], [friction.coasting.coulomb]
-        values = {}
-        for key, (old, new) in stated.items():
-            if _kept_or_new(np.pad(new, (0, len(old) - len(new))), np.array(old)):
-                yield key
-            else:
-                values[key] = numbers(new)
-        self._xml[placed.file.path].set(placed.element, values)
 
     def remarks(self, model: Model, robot: SimulatedRobot) -> Iterator[str]:
         yield from _held(
@@ -496,42 +513,7 @@ class _Mjcf:
         }
 
 
-def _chain_of(path: Path, robot: Robot) -> MjcfChain:
-    """Find the chain of a robot in an MJCF."""
-    from hil.model.readers.mjcf import read_chains  # noqa: PLC0415 - MuJoCo is an extra
-
-    why = NO_CHAIN if robot.is_chain else NO_TREE
-    for chain in read_chains(path, robot):
-        why = difference(chain, robot)
-        if not why:
-            return chain
-    raise Mismatch(
-        f"{path}: no chain of {robot.n_joints} joints has the frames of {robot.name}: {why}; give"
-        " the file that the robot was made from"
-    )
-
-
 def _rotation(quaternion: Array) -> Array:
     from scipy.spatial.transform import Rotation  # noqa: PLC0415 - takes long to load
 
     return np.asarray(Rotation.from_quat(np.roll(quaternion, -1)).as_matrix())
-
-
-def _inertia(body: Body, turned: Array, element: Element | None) -> dict[str, str | None]:
-    """Return the attributes of an inertia: full matrix, or principal moments and axes.
-
-    The principal axes are those nearest to the old axes `turned`, in which the inertia is given.
-    """
-    if element is not None and element.get("fullinertia") is not None:
-        along = turned @ body.inertia @ turned.T
-        return {"fullinertia": numbers(along[at] for at in FULL)}
-    moments, axes = np.linalg.eigh(body.inertia)
-    order = [int(np.argmax(np.abs(axes[i]))) for i in range(3)]
-    if sorted(order) == [0, 1, 2]:
-        moments, axes = moments[order], axes[:, order] * np.sign(np.diag(axes[:, order]))
-    if np.linalg.det(axes) < 0:
-        axes[:, 2] *= -1
-    gone = dict.fromkeys(
-        each for each in ORIENTATIONS if element is not None and each in element.attrib
-    )
-    return {**gone, "diaginertia": numbers(moments), "quat": numbers(quaternion(turned @ axes))}

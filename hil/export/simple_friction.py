@@ -34,7 +34,6 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
 
     from hil.arrays import Array
-    from hil.friction.law import AxisLaw
     from hil.results.model import Model
 
 
@@ -137,35 +136,37 @@ def simple_friction(model: Model, warmth: float | None = None) -> tuple[SimpleFr
     NotEnoughData
         The model has no law of friction.
     """
-    laws = enumerate(known_friction(model).axes)
-    return tuple(_fit_axis(model, axis, law, warmth) for axis, law in laws if law is not None)
-
-
-def _fit_axis(model: Model, axis: int, law: AxisLaw, warmth: float | None) -> SimpleFriction:
-    # from 5 % of the axis's speed on, if the range of the law's data is unknown
-    v = np.linspace(*(law.speeds or (0.05 * law.speed, law.speed)), 50)
-    forward, backward = (friction_alone(model, axis, side * v, warmth)[0] for side in (1.0, -1.0))
-    odd, even = (forward - backward) / 2, (forward + backward) / 2
-    (coulomb, viscous), left = optimize.nnls(np.column_stack([np.ones_like(v), v]), odd)
-    constant = float(np.mean(even))
-    plain = Quadratic(float(coulomb), float(viscous), 0.0, constant, _misfit(left, even))
-    fits = []
-    for velocity in np.geomspace(v[0], v[-1], 40):
-        bell = np.exp(-((v / velocity) ** 2))
-        found, left = optimize.nnls(np.column_stack([1.0 - bell, bell, v]), odd)
-        coulomb, static, viscous = found.tolist()
-        fits.append(Stribeck(coulomb, static, viscous, float(velocity), _misfit(left, even)))
-    return SimpleFriction(
-        axis=axis,
-        speeds=v,
-        forward=forward,
-        backward=backward,
-        coulomb=plain.coulomb,
-        viscous=plain.viscous,
-        misfit=plain.misfit,
-        stribeck=min(fits, key=lambda each: each.misfit),
-        coasting=_coasting(v, odd, even, plain),
-    )
+    simple = []
+    for axis, law in enumerate(known_friction(model).axes):
+        if law is None:
+            continue
+        # from 5 % of the axis's speed on, if the range of the law's data is unknown
+        v = np.linspace(*(law.speeds or (0.05 * law.speed, law.speed)), 50)
+        forward, backward = (friction_alone(model, axis, s * v, warmth)[0] for s in (1.0, -1.0))
+        odd, even = (forward - backward) / 2, (forward + backward) / 2
+        (coulomb, viscous), left = optimize.nnls(np.column_stack([np.ones_like(v), v]), odd)
+        constant = float(np.mean(even))
+        plain = Quadratic(float(coulomb), float(viscous), 0.0, constant, _misfit(left, even))
+        fits = []
+        for velocity in np.geomspace(v[0], v[-1], 40):
+            bell = np.exp(-((v / velocity) ** 2))
+            found, left = optimize.nnls(np.column_stack([1.0 - bell, bell, v]), odd)
+            coulomb, static, viscous = found.tolist()
+            fits.append(Stribeck(coulomb, static, viscous, float(velocity), _misfit(left, even)))
+        simple.append(
+            SimpleFriction(
+                axis=axis,
+                speeds=v,
+                forward=forward,
+                backward=backward,
+                coulomb=plain.coulomb,
+                viscous=plain.viscous,
+                misfit=plain.misfit,
+                stribeck=min(fits, key=lambda each: each.misfit),
+                coasting=_coasting(v, odd, even, plain),
+            )
+        )
+    return tuple(simple)
 
 
 def _coasting(v: Array, odd: Array, even: Array, plain: Quadratic) -> Quadratic:
@@ -247,12 +248,19 @@ def friction_remarks(model: Model, offsets: str = "") -> tuple[str, ...]:
     """
     try:
         simple = simple_friction(model)
-        found = [*misfits(model, simple), *_offsets(model, simple, offsets)]
+        found = misfits(model, simple)
     except NotEnoughData:
         return (
             "no friction is stated, because the model has no friction law: identify a run that "
             "moves all axes (hil identify)",
         )
+    what = f"is {offsets}" if offsets else "is left out: add it to the commanded torque"
+    for each in simple:
+        if each.constant:
+            found.append(
+                f"axis {each.axis + 1}: the constant torque of {significant(each.offset, 3)} "
+                f"{model.robot.torque_unit(each.axis)} of the friction law (offset) {what}"
+            )
     return (*found, *presliding_left_out(model))
 
 
@@ -262,17 +270,21 @@ def misfits(model: Model, simple: tuple[SimpleFriction, ...], state: str = "") -
     The misfit is at no load and away from reversals; load-dependent friction is named separately.
     """
     lack = lacking(model)
-    return [
-        *((f"FRICTION UNKNOWN: {lack}",) if lack and not state else ()),
-        *(
+    found = [f"FRICTION UNKNOWN: {lack}"] if lack and not state else []
+    for each in simple:
+        unit = model.robot.torque_unit(each.axis)
+        law = known_friction(model).axes[each.axis]
+        by_load = ""
+        if law is not None and "load" in law.terms:
+            share = significant(law.terms["load"].value, 2)
+            by_load = f"; load-dependent friction, {share} of the load, is left out"
+        found.append(
             f"axis {each.axis + 1}{state}: Coulomb {significant(each.coulomb, 3)} and viscous "
-            f"{significant(each.viscous, 3)} {model.robot.torque_unit(each.axis)} "
-            f"s/{model.robot.position_unit(each.axis)} differ from the law by "
-            f"{significant(each.misfit, 2)} {model.robot.torque_unit(each.axis)} rms "
-            f"({percent(each.misfit, each.size)} % of friction){_load_remark(model, each.axis)}"
-            for each in simple
-        ),
-    ]
+            f"{significant(each.viscous, 3)} {unit} s/{model.robot.position_unit(each.axis)} "
+            f"differ from the law by {significant(each.misfit, 2)} {unit} rms "
+            f"({percent(each.misfit, each.size)} % of friction){by_load}"
+        )
+    return found
 
 
 def damping_remarks(model: Model) -> Iterator[str]:
@@ -292,18 +304,6 @@ def damping_remarks(model: Model) -> Iterator[str]:
         )
 
 
-def _offsets(model: Model, simple: tuple[SimpleFriction, ...], place: str) -> Iterator[str]:
-    """Yield the constant torque of each axis, with the place in the exported files."""
-    what = f"is {place}" if place else "is left out: add it to the commanded torque"
-    for each in simple:
-        if each.constant:
-            unit = model.robot.torque_unit(each.axis)
-            yield (
-                f"axis {each.axis + 1}: the constant torque of {significant(each.offset, 3)} {unit}"
-                f" of the friction law (offset) {what}"
-            )
-
-
 def presliding_left_out(model: Model, where: str = "") -> tuple[str, ...]:
     """Describe presliding omitted by a format; `where` continues the sentence with an exception."""
     axes = [
@@ -312,12 +312,3 @@ def presliding_left_out(model: Model, where: str = "") -> tuple[str, ...]:
         if own is not None and own.presliding
     ]
     return (f"presliding is left out{where}: {', '.join(axes)}",) if axes else ()
-
-
-def _load_remark(model: Model, axis: int) -> str:
-    """Return a remark on the omitted friction due to load; empty without such friction."""
-    law = known_friction(model).axes[axis]
-    if law is None or "load" not in law.terms:
-        return ""
-    share = significant(law.terms["load"].value, 2)
-    return f"; load-dependent friction, {share} of the load, is left out"

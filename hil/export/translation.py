@@ -130,7 +130,7 @@ class Translator:
     def _indented(self, body: list[ast.stmt]) -> Iterator[str]:
         return (f"    {line}" for line in self.lines(body))
 
-    def text(self, node: ast.expr) -> str:  # noqa: C901, PLR0911, PLR0912 - one case a kind of node
+    def text(self, node: ast.expr) -> str:  # noqa: PLR0911 - one case a kind of node
         """Return the text of an expression; operations within others have brackets."""
         words, syntax = self.language.words, self.language.syntax
         match node:

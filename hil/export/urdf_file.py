@@ -118,26 +118,21 @@ def inertial_faults(given: Given, robot: Robot) -> Iterator[str]:
             continue
         spread = pseudo_inertia(body)
         mass, wide = spread[3, 3], float(np.trace(spread[:3, :3]))
+        what = ""
         if np.linalg.eigvalsh(spread)[0] <= 0:
-            yield _fault(
-                given.reader,
-                joint.link,
-                f"{also}: the greatest principal moment of inertia must be less than the sum of the"
-                " other two: the body has no thickness; correct ixx to izz",
+            what = (
+                "the greatest principal moment of inertia must be less than the sum of the other "
+                "two: the body has no thickness; correct ixx to izz"
             )
         elif (far := float(np.sqrt(wide / mass))) > radius:
-            yield _fault(
-                given.reader,
-                joint.link,
-                f"{also}: mass and inertia give a radius of gyration of {far:.3g} m, at most "
-                f"{radius:.3g} m allowed; state kg and kg m2, not g mm2, and <origin> in m",
+            what = (
+                f"mass and inertia give a radius of gyration of {far:.3g} m, at most "
+                f"{radius:.3g} m allowed; state kg and kg m2, not g mm2, and <origin> in m"
             )
         elif mass > MOST_MASS:
-            yield _fault(
-                given.reader,
-                joint.link,
-                f"{also}: mass {mass:g} kg must be at most {MOST_MASS:g} kg; state kg, not g",
-            )
+            what = f"mass {mass:g} kg must be at most {MOST_MASS:g} kg; state kg, not g"
+        if what:
+            yield _fault(given.reader, joint.link, f"{also}: {what}")
 
 
 def _link_faults(reader: UrdfReader, link: str) -> Iterator[str]:
@@ -161,18 +156,12 @@ def _link_faults(reader: UrdfReader, link: str) -> Iterator[str]:
     if m < 0 or (not m and moments.any()):
         yield _fault(reader, link, f": mass {m:g} kg must be positive")
     elif moments[0] < -rounded:
-        yield _fault(
-            reader,
-            link,
-            f": principal moments of inertia {shown} kg m2 must be positive; correct ixx to izz",
-        )
+        what = f": principal moments of inertia {shown} kg m2 must be positive; correct ixx to izz"
+        yield _fault(reader, link, what)
     elif moments[2] - moments[1] - moments[0] > rounded:
-        yield _fault(
-            reader,
-            link,
-            f": the greatest of the principal moments of inertia {shown} kg m2 must be at most the"
-            " sum of the other two (triangle inequality); correct ixx to izz",
-        )
+        what = f": the greatest of the principal moments of inertia {shown} kg m2 must be at most"
+        rule = "the sum of the other two (triangle inequality); correct ixx to izz"
+        yield _fault(reader, link, f"{what} {rule}")
 
 
 def _fault(reader: UrdfReader, link: str, what: str) -> str:
@@ -245,7 +234,6 @@ def _chains(reader: UrdfReader, robot: Robot) -> Iterator[UrdfChain]:
 
 UNLIMITED = 1e6
 """Value for an unknown effort or velocity limit."""
-_DOWN = np.array([0.0, 0.0, -1.0])
 
 
 def write_urdf(model: Model, origin: tuple[str, ...], given: Given | None = None) -> Exported:
@@ -263,7 +251,14 @@ def _own(robot: SimulatedRobot) -> tuple[ET.Element, list[str]]:
     """Return a URDF of links and joints alone, and remarks on it."""
     root = ET.Element("robot", name=robot.name)
     ET.SubElement(root, "link", name=robot.base)
-    turned = _upright(robot.gravity)
+    turned = None
+    size = float(np.linalg.norm(robot.gravity))
+    if size and not np.allclose(robot.gravity / size, [0.0, 0.0, -1.0], atol=1e-12):
+        # the rotation of the base that turns gravity to -z
+        z = -robot.gravity / size
+        x = np.cross(np.eye(3)[int(np.argmin(np.abs(z)))], z)
+        x = x / np.linalg.norm(x)
+        turned = np.array([x, np.cross(z, x), z])
     if turned is not None:
         root.insert(0, ET.Element("link", name="world"))
         _joint(root, "world_to_base", "fixed", ("world", robot.base), turned, np.zeros(3))
@@ -275,9 +270,17 @@ def _own(robot: SimulatedRobot) -> tuple[ET.Element, list[str]]:
         place = joint.before[:3, :3], joint.before[:3, 3]
         made = _joint(root, joint.name, kind, (parent, joint.link), *place)
         ET.SubElement(made, "axis", xyz=numbers(joint.axis))
-        ET.SubElement(made, "limit", _limits(joint))
+        limits = {"lower": joint.lower, "upper": joint.upper}
+        limits |= {"effort": joint.effort, "velocity": joint.velocity}
+        # a URDF must state all of them
+        stated = {k: number(UNLIMITED if np.isnan(x) else x) for k, x in limits.items()}
+        ET.SubElement(made, "limit", stated)
         _set_dynamics(made, joint)
-    return root, list(_missing_limits(robot))
+    unknown = [joint.name for joint in robot.joints if np.isnan(joint.effort + joint.velocity)]
+    said = (
+        f"effort or velocity of {', '.join(unknown)} is unknown; {UNLIMITED:g} is written instead"
+    )
+    return root, [said] if unknown else []
 
 
 def _joint(
@@ -328,30 +331,12 @@ def _inertial(joint: SimulatedJoint) -> ET.Element:
     return made
 
 
-def _limits(joint: SimulatedJoint) -> dict[str, str]:
-    """Return the limits as attributes; a URDF must state all of them."""
-    found = {"lower": joint.lower, "upper": joint.upper}
-    found |= {"effort": joint.effort, "velocity": joint.velocity}
-    return {key: number(UNLIMITED if np.isnan(value) else value) for key, value in found.items()}
-
-
 def _set_dynamics(element: ET.Element, joint: SimulatedJoint) -> None:
     for old in element.findall("dynamics"):
         element.remove(old)
     if joint.friction is not None:
         friction = {"damping": joint.friction.viscous, "friction": joint.friction.coulomb}
         ET.SubElement(element, "dynamics", {k: number(x) for k, x in friction.items()})
-
-
-def _upright(gravity: Array) -> Array | None:
-    """Return the base rotation that turns gravity to -z; None if gravity is along -z already."""
-    size = float(np.linalg.norm(gravity))
-    if not size or np.allclose(gravity / size, _DOWN, atol=1e-12):
-        return None
-    z = -gravity / size
-    x = np.cross(np.eye(3)[int(np.argmin(np.abs(z)))], z)
-    x = x / np.linalg.norm(x)
-    return np.array([x, np.cross(z, x), z])
 
 
 def urdf_remarks(model: Model, robot: SimulatedRobot) -> Iterator[str]:
@@ -373,10 +358,3 @@ def urdf_remarks(model: Model, robot: SimulatedRobot) -> Iterator[str]:
     if springs:
         yield f"a URDF has no springs: {', '.join(springs)} are left out"
     yield from friction_remarks(model)
-
-
-def _missing_limits(robot: SimulatedRobot) -> Iterator[str]:
-    unknown = [joint.name for joint in robot.joints if np.isnan(joint.effort + joint.velocity)]
-    if unknown:
-        names = ", ".join(unknown)
-        yield f"effort or velocity of {names} is unknown; {UNLIMITED:g} is written instead"

@@ -56,6 +56,7 @@ class _Parts(NamedTuple):
 
     name: str
     model: Model
+    found: Watched
     head: tuple[str, ...]
     numbers: dict[str, int | float]
     arrays: dict[str, Constant]
@@ -85,12 +86,12 @@ def write_watch(model: Model, name: str, origin: tuple[str, ...], found: Watched
         f"Thresholds of {found.model} (model {model.digest[:12]}), learned by hil watch.",
         *(line.format(1e3 * found.period) for line in GIVEN),
     )
-    return WATCHES[name](_Parts(identifier(model.robot.name), model, head, numbers, arrays), found)
+    robot = identifier(model.robot.name)
+    return WATCHES[name](_Parts(robot, model, found, head, numbers, arrays))
 
 
-def _c(parts: _Parts, found: Watched) -> dict[str, str]:
+def _c(parts: _Parts) -> dict[str, str]:
     """Return the header of C: state, start and sample."""
-    del found
     name, upper = parts.name, parts.name.upper()
     language = Language(
         syntax=c_syntax(name),
@@ -167,9 +168,8 @@ def _c_array(name: str, array: str, constant: Constant) -> str:
     return f"/* {constant.meaning}{unit} */\n{head}\n{rows(constant.value, values.ndim)};\n"
 
 
-def _python(parts: _Parts, found: Watched) -> dict[str, str]:
+def _python(parts: _Parts) -> dict[str, str]:
     """Return the module of Python: class `Watch`."""
-    del found
     empty = {"float": "0.0", "int": "0", "bool": "False"}
     fields = [
         f"self.{field} = _array({', '.join([empty[each.kind], *map(str, parts.shape(each))])})"
@@ -224,9 +224,8 @@ class Watch:
 '''
 
 
-def _st(parts: _Parts, found: Watched) -> dict[str, str]:
+def _st(parts: _Parts) -> dict[str, str]:
     """Return the function block of structured text."""
-    del found
     name, n = parts.name, int(parts.numbers["joints"])
     blocks = {each.name: each for each in (rigid(parts.model), regressor(parts.model))}
     kinds: dict[str, str] = {}
@@ -325,16 +324,15 @@ def _st_constant(constant: Constant) -> str:
     """Return type and value of a constant array, row by row."""
     values = np.array(constant.value)
     whole = values.dtype.kind == "i"
-    texts = [str(x) if whole else _initial(x) for x in values.ravel().tolist()]
+    # the sign of an initial value belongs to the number
+    texts = [
+        str(x) if whole else literal(abs(x)).replace("#", "#-" if x < 0 else "#")
+        for x in values.ravel().tolist()
+    ]
     rows = (", ".join(texts[k : k + 6]) for k in range(0, len(texts), 6))
     limits = ", ".join(f"0..{k - 1}" for k in values.shape)
     body = ",\n        ".join(rows)
     return f"ARRAY[{limits}] OF {'DINT' if whole else 'LREAL'} := [\n        {body}]"
-
-
-def _initial(value: float) -> str:
-    """Return a literal for the initial value of an array, where the sign belongs to the number."""
-    return literal(abs(value)).replace("#", "#-" if value < 0 else "#")
 
 
 FORMULAS = {
@@ -346,9 +344,10 @@ FORMULAS = {
 """Rules for evaluating the thresholds."""
 
 
-def _json(parts: _Parts, found: Watched) -> dict[str, str]:
+def _json(parts: _Parts) -> dict[str, str]:
     """Return the thresholds with names and units, and the constants of the code."""
-    robot, seconds = parts.model.robot, np.array(parts.arrays["windows"].value) * found.period
+    robot, found = parts.model.robot, parts.found
+    seconds = np.array(parts.arrays["windows"].value) * found.period
     content = {
         "origin": list(parts.head[: -len(GIVEN)]),
         "robot": robot.name,

@@ -28,7 +28,7 @@ SLOW_STEPS = 10
 
 
 @compiled
-def run(  # noqa: C901 - the compiler decides what depends on flaws
+def run(
     steps: int,
     number: int,
     h: float,
@@ -127,7 +127,7 @@ def _copy(source: Array, target: Array) -> None:
 
 
 @compiled
-def run_and_latch(  # noqa: C901 - as `run`
+def run_and_latch(
     steps: int,
     number: int,
     h: float,

@@ -97,7 +97,7 @@ def carried_out(
     return done.stdout
 
 
-def soem(interface: str, *, clock: bool) -> dict[str, Any]:  # noqa: C901
+def soem(interface: str, *, clock: bool) -> dict[str, Any]:
     """Use every service of a slave by pysoem."""
     import pysoem  # type: ignore[import-not-found]
 
@@ -230,7 +230,7 @@ def ebpfcat(interface: str) -> dict[str, Any]:
     return asyncio.run(_ebpfcat(interface))
 
 
-async def _ebpfcat(interface: str) -> dict[str, Any]:  # noqa: C901
+async def _ebpfcat(interface: str) -> dict[str, Any]:
     from ebpfcat.ethercat import (  # type: ignore[import-not-found]
         ECCmd,
         EtherCat,

@@ -101,9 +101,9 @@ def readme(job: Job, about: Sequence[str]) -> str:
 
 def about_columns(columns: Iterable[Column]) -> list[str]:
     """Return lines about the columns of tables."""
-    return [*NOTES, "", *(_line(column) for column in columns)]
-
-
-def _line(column: Column) -> str:
-    unit = f" [{column.unit}]" if column.unit else ""
-    return f"{column.name}: {column.what}{unit}, {'derived' if column.derived else 'recorded'}"
+    listed = []
+    for column in columns:
+        unit = f" [{column.unit}]" if column.unit else ""
+        origin = "derived" if column.derived else "recorded"
+        listed.append(f"{column.name}: {column.what}{unit}, {origin}")
+    return [*NOTES, "", *listed]

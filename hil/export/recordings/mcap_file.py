@@ -28,7 +28,6 @@ if TYPE_CHECKING:
 
     from hil.arrays import Array
     from hil.export.recordings.job import Job
-    from hil.runs.recording_file import Measured
     from hil.runs.run import Run
 
     Stamps = NDArray[np.int64]
@@ -85,32 +84,39 @@ class _Content:
 
     def write(self) -> None:
         """Write all measurements."""
-        for name, begin in _timeline(self._job.run):
+        run = self._job.run
+        for name, begin in _timeline(run):
             self._job.progress(name)
-            measured = self._job.run[name]
-            stamps = begin + np.rint(measured.recording.time * SECOND).astype(np.int64)
-            for level, text in self._before(measured):
+            measured = run[name]
+            recording, session = measured.recording, run.journal.sessions[measured.session]
+            stamps = begin + np.rint(recording.time * SECOND).astype(np.int64)
+            notes = []
+            if measured.session not in self._noted:
+                self._noted.add(measured.session)
+                notes += [(INFO, note) for note in session.notes]
+            for failed in session.repeated:
+                if failed.measurement == name:
+                    reasons = "; ".join(failed.findings)
+                    notes.append((WARN, f"attempt {failed.attempt} was repeated: {reasons}"))
+            motion = measured.measurement
+            notes.append((INFO, f"{motion.kind}, {motion.axes_in_words}"))
+            for level, text in notes:
                 self._event(int(stamps[0]), level, name, text)
-            self._samples(measured, stamps)
+            parts = {"position": recording.q, "effort": recording.tau}
+            if recording.qd is not None:
+                parts["velocity"] = recording.qd
+            planned = set_points(motion, recording)
+            for first in range(0, len(stamps), ROWS):
+                some = slice(first, first + ROWS)
+                joints = self._states(stamps[some], {k: v[some] for k, v in parts.items()})
+                topics = {"/joint_states": joints}
+                if planned is not None:
+                    topics["/set_points"] = self._states(stamps[some], {"position": planned[some]})
+                for stamp, *data in zip(stamps[some].tolist(), *topics.values(), strict=True):
+                    for topic, message in zip(topics, data, strict=True):
+                        self._add(topic, stamp, message)
             for finding in measured.findings:
                 self._event(int(stamps[-1]), WARN, name, finding.message)
-
-    def _samples(self, measured: Measured, stamps: Stamps) -> None:
-        recording = measured.recording
-        parts = {"position": recording.q, "effort": recording.tau}
-        if recording.qd is not None:
-            parts["velocity"] = recording.qd
-        planned = set_points(measured.measurement, recording)
-        for begin in range(0, len(stamps), ROWS):
-            some = slice(begin, begin + ROWS)
-            topics = {
-                "/joint_states": self._states(stamps[some], {k: v[some] for k, v in parts.items()})
-            }
-            if planned is not None:
-                topics["/set_points"] = self._states(stamps[some], {"position": planned[some]})
-            for stamp, *data in zip(stamps[some].tolist(), *topics.values(), strict=True):
-                for topic, message in zip(topics, data, strict=True):
-                    self._add(topic, stamp, message)
 
     def _states(self, stamps: Stamps, parts: dict[str, Array]) -> Iterator[bytes]:
         """Return joint states; only stamp and values differ between messages."""
@@ -118,18 +124,6 @@ class _Content:
         like = self._messages.joint_state(0, self._job.joints, **empty)
         found = layout_of(like).messages(like, stamps // SECOND, stamps % SECOND, parts)
         return (each.tobytes() for each in found)
-
-    def _before(self, measured: Measured) -> Iterator[tuple[int, str]]:
-        """Yield the log messages at the start of a measurement."""
-        session = self._job.run.journal.sessions[measured.session]
-        if measured.session not in self._noted:
-            self._noted.add(measured.session)
-            yield from ((INFO, note) for note in session.notes)
-        for failed in session.repeated:
-            if failed.measurement == measured.measurement.id:
-                reasons = "; ".join(failed.findings)
-                yield WARN, f"attempt {failed.attempt} was repeated: {reasons}"
-        yield INFO, f"{measured.measurement.kind}, {measured.measurement.axes_in_words}"
 
     def _event(self, stamp: int, level: int, name: str, text: str) -> None:
         self._add("/events", stamp, self._messages.log(stamp, level, name, text))
@@ -149,20 +143,16 @@ def _timeline(run: Run) -> Iterator[tuple[str, int]]:
     for session, first, until, name in spans:
         if session != last or begin + round(first * SECOND) <= end:
             last = session
-            begin = max(_begun(run, session), end + SECOND - round(first * SECOND))
+            began = 0  # imported recordings have no date
+            if not run.imported:
+                stated = run.journal.sessions[session].started
+                try:
+                    began = round(datetime.fromisoformat(stated).timestamp()) * SECOND
+                except ValueError as error:
+                    raise FileError(
+                        f"{run.path / 'run.json'}: {stated!r} is not a start time of a session; "
+                        "restore the run's own file"
+                    ) from error
+            begin = max(began, end + SECOND - round(first * SECOND))
         end = begin + round(until * SECOND)
         yield name, begin
-
-
-def _begun(run: Run, session: int) -> int:
-    """Return the start of a session [ns since 1970]; 0 for imported recordings."""
-    if run.imported:
-        return 0
-    stated = run.journal.sessions[session].started
-    try:
-        return round(datetime.fromisoformat(stated).timestamp()) * SECOND
-    except ValueError as error:
-        raise FileError(
-            f"{run.path / 'run.json'}: {stated!r} is not a start time of a session; restore the "
-            "run's own file"
-        ) from error
