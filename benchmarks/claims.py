@@ -54,7 +54,7 @@ from hil.results.problem import regression
 from hil.runs.atomic_file import write_file
 from hil.runs.pooling import recorded
 from hil.runs.run import Run
-from hil.tasks.robot_drives import packaged_drives
+from hil.tasks.measuring import packaged_drives
 from sim_plant.plant_file import load_plant_file
 
 if TYPE_CHECKING:

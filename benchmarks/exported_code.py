@@ -28,9 +28,8 @@ from stated_model import stated_model
 
 from hil import Robot
 from hil.export.expressions import count
-from hil.export.functions import functions
+from hil.export.functions import count_whole_links, functions
 from hil.export.languages import write_c
-from hil.export.rigid_bodies import count_whole_links
 from hil.export.source_code import identifier
 
 ROBOTS = ("manutec-r15", str(Path(__file__).parents[1] / "tests" / "robots" / "ur10e.yaml"))

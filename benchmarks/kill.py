@@ -45,7 +45,7 @@ from figures import Figure, keep
 
 from drivers.session import servo_axes  # noqa: F401 - loaded once, before the sessions are forked
 from hil.cli import main as hil
-from hil.cli import plan_files, run_session  # noqa: F401 - likewise
+from hil.cli import plan_view, run_session  # noqa: F401 - likewise
 from hil.commands.accept import accept, draft_limits
 from hil.model.robot import Robot
 from hil.planning.design.by_counts import design

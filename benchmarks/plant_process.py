@@ -8,7 +8,7 @@ import sys
 from contextlib import ExitStack, contextmanager
 from typing import TYPE_CHECKING
 
-from hil.cli.realtime import PRIORITY
+from hil.cli.doctor import PRIORITY
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator

@@ -95,7 +95,7 @@ def main(runs: int = 20, interface: str = "local", channel: str = "streams", *as
                 kept[what] = Figure(each.mean(), unit, scatter=each.std())
             keep(
                 f"streams-{name}", kept,
-                depends=("hil/measuring", "drivers", "hil/cli/realtime.py"),
+                depends=("hil/measuring", "drivers", "hil/cli/doctor.py"),
                 command=f"python benchmarks/streams.py {runs} {interface} {channel} {name}",
             )  # fmt: skip
 

@@ -85,7 +85,7 @@ def main(samples: int = 5000) -> None:
             key = name.replace(" ", "-")
             ratio = kept[f"{key}-real-time-rms"].value / kept[f"{key}-normal-rms"].value
             kept[f"{key}-real-time-over-normal"] = Figure(ratio)
-    depends = ("drivers/sync_clock.py", "drivers/canopen", "hil/cli/realtime.py")
+    depends = ("drivers/sync_clock.py", "drivers/canopen", "hil/cli/doctor.py")
     command = f"python benchmarks/wake_ups.py {samples}"
     keep("wake-ups", kept, depends=depends, command=command)
 

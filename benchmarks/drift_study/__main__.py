@@ -16,7 +16,7 @@ from hil import cli
 from hil.cli.arguments import PLANT, RobotsDrives
 from hil.cli.outputs import folder_to_write
 from hil.terminal.console import out, working
-from hil.terminal.interruption import interruptible
+from hil.terminal.keys import interruptible
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence

@@ -23,7 +23,7 @@ from hil.planning.design.friction import operation, stops, sweep
 from hil.planning.design.measurable_elements import ELEMENTS
 from hil.planning.measurement import ELEMENT_KINDS
 from hil.planning.plan import dump_plan, make_plan
-from hil.tasks.robot_drives import packaged_drives
+from hil.tasks.measuring import packaged_drives
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator

@@ -17,6 +17,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal, ParamSpec, get_type_hints
 
 import typer
+from typer import Argument, Option
 from typer.core import TyperGroup
 
 from hil.runs import SIMULATED
@@ -101,14 +102,14 @@ PLANT = "manutec-r15"
 """Default channel of the virtual plant, if neither a robot nor drives name one."""
 
 
-RunPath = Annotated[Path, typer.Argument(metavar="RUN", help="Run folder.", autocompletion=runs)]
+RunPath = Annotated[Path, Argument(metavar="RUN", help="Run folder.", autocompletion=runs)]
 RunPaths = Annotated[
     list[Path],
-    typer.Argument(metavar="RUN", help="Run folders, identified jointly.", autocompletion=runs),
+    Argument(metavar="RUN", help="Run folders, identified jointly.", autocompletion=runs),
 ]
 Masses = Annotated[
     list[str] | None,
-    typer.Option(
+    Option(
         "--mass",
         metavar="LINK:MIN:MAX",
         help="Bounds on the mass of a link \\[kg], for physical consistency; may be repeated.",
@@ -116,43 +117,41 @@ Masses = Annotated[
 ]
 Without = Annotated[
     list[str] | None,
-    typer.Option(
+    Option(
         "--without",
         metavar="ID",
         help="Measurement to exclude, such as a damaged one; may be repeated.",
     ),
 ]
 Workers = Annotated[
-    int | None, typer.Option(min=1, help="Maximum number of parallel processes on this machine.")
+    int | None, Option(min=1, help="Maximum number of parallel processes on this machine.")
 ]
 LOCAL = "local"
 Scheduler = Annotated[
     str | None,
-    typer.Option(
+    Option(
         help="Address of a Dask scheduler, such as tcp://host:8786; or local: a process per"
         " processor of this machine."
     ),
 ]
 RobotName = Annotated[
     str,
-    typer.Argument(metavar="ROBOT", help="Built-in robot, or robot file.", autocompletion=robots),
+    Argument(metavar="ROBOT", help="Built-in robot, or robot file.", autocompletion=robots),
 ]
-PlanFile = Annotated[Path, typer.Argument(metavar="PLAN", help="Plan file.", autocompletion=files)]
+PlanFile = Annotated[Path, Argument(metavar="PLAN", help="Plan file.", autocompletion=files)]
 ModelPath = Annotated[
     Path,
-    typer.Option(
-        "--model", help="Model file, or folder of the identified run.", autocompletion=runs
-    ),
+    Option("--model", help="Model file, or folder of the identified run.", autocompletion=runs),
 ]
 RobotOption = Annotated[
     str | None,
-    typer.Option(
+    Option(
         "--robot", help="Robot file in place of the path stated in the plan.", autocompletion=robots
     ),
 ]
 WorkspaceOption = Annotated[
     Path | None,
-    typer.Option(
+    Option(
         "--workspace",
         help="Workspace file (joint ranges, forbidden boxes) in place of the plan's own.",
         autocompletion=files,
@@ -160,7 +159,7 @@ WorkspaceOption = Annotated[
 ]
 PlanWorkspace = Annotated[
     Path | None,
-    typer.Option(
+    Option(
         "--workspace",
         help="Workspace file: joint ranges and forbidden boxes that the plan respects.",
         autocompletion=files,
@@ -168,58 +167,54 @@ PlanWorkspace = Annotated[
 ]
 NoiseFrom = Annotated[
     Path | None,
-    typer.Option(
+    Option(
         help="Run from which noise is estimated; by default noise is as stated in the robot file.",
         autocompletion=runs,
     ),
 ]
 Drives = Annotated[
     str,
-    typer.Argument(metavar="DRIVES", help="Drives file, or built-in robot.", autocompletion=drives),
+    Argument(metavar="DRIVES", help="Drives file, or built-in robot.", autocompletion=drives),
 ]
 RobotsDrives = Annotated[
     Path | None,
-    typer.Option(
+    Option(
         "--drives",
         help="Drives file; the built-in one of the robot by default.",
         autocompletion=files,
     ),
 ]
-AxisName = Annotated[str, typer.Argument(metavar="AXIS", help="Axis by name, or by number from 1.")]
-Yes = Annotated[
-    bool, typer.Option("--yes", help="Consent to motion beforehand; no question is asked.")
-]
+AxisName = Annotated[str, Argument(metavar="AXIS", help="Axis by name, or by number from 1.")]
+Yes = Annotated[bool, Option("--yes", help="Consent to motion beforehand; no question is asked.")]
 RealTime = Annotated[
-    bool, typer.Option("--realtime", help="Use real-time scheduling, as far as the system permits.")
+    bool, Option("--realtime", help="Use real-time scheduling, as far as the system permits.")
 ]
 
 
-Interface = Annotated[
-    str, typer.Option(help="Interface of python-can, such as socketcan, or ethercat.")
-]
+Interface = Annotated[str, Option(help="Interface of python-can, such as socketcan, or ethercat.")]
 RobotsChannel = Annotated[
     str | None,
-    typer.Option(
+    Option(
         help="Channel of the interface, such as can0; for sim_plant a virtual plant, by "
         "default that of the robot."
     ),
 ]
 DrivesChannel = Annotated[
     str | None,
-    typer.Option(
+    Option(
         help="Channel of the interface, such as can0; by default the virtual plant with "
         "these drives."
     ),
 ]
 BusOptions = Annotated[
     list[str] | None,
-    typer.Option(
+    Option(
         "--bus-option",
         metavar="KEY=VALUE",
         help="Additional option of the interface; may be repeated.",
     ),
 ]
-BitRate = partial(typer.Option, min=10_000, max=1_000_000)
+BitRate = partial(Option, min=10_000, max=1_000_000)
 """Option for the bit rate of a CAN bus [bit/s]."""
 
 
@@ -256,7 +251,7 @@ class RobotsBus:
     drives_file: RobotsDrives = None
     bus_option: BusOptions = None
     pacing: Annotated[
-        Pacing, typer.Option(help="Clock of SYNC: this computer, or the virtual plant (lock-step).")
+        Pacing, Option(help="Clock of SYNC: this computer, or the virtual plant (lock-step).")
     ] = "auto"
 
 

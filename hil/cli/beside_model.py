@@ -7,10 +7,12 @@ torque. `watch` compares measured torques with the model, with alarms at pushes.
 from __future__ import annotations
 
 from functools import partial
+from math import ceil
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
+from typer import Option
 
 from hil.cli.arguments import (
     ModelPath,
@@ -21,8 +23,7 @@ from hil.cli.arguments import (
     WorkspaceOption,
     expand_records,
 )
-from hil.cli.live import PortsOptional, Shown, listeners
-from hil.cli.measuring import OnBus
+from hil.cli.measuring import OnBus, PortsOptional, Shown, listeners
 from hil.cli.outputs import (
     Status,
     folder_to_write,
@@ -35,7 +36,6 @@ from hil.cli.outputs import (
 from hil.terminal.console import say, working
 
 if TYPE_CHECKING:
-    from hil.model.robot import Robot
     from hil.planning.plan import Plan
     from hil.watching.watcher import Watcher
 
@@ -58,17 +58,15 @@ def track(
     *,
     where: RobotsBus,
     resume: Annotated[
-        bool, typer.Option("--resume", help="Continue a stopped comparison with its missing runs.")
+        bool, Option("--resume", help="Continue a stopped comparison with its missing runs.")
     ] = False,
     delay: Annotated[
         float,
-        typer.Option(
-            min=0, max=10, help="Delay between set-points and drive motion \\[SYNC periods]."
-        ),
+        Option(min=0, max=10, help="Delay between set-points and drive motion \\[SYNC periods]."),
     ] = 1.5,
     loop: Annotated[
         float,
-        typer.Option(
+        Option(
             "--loop-period", min=0, max=0.1, help="Cycle time of the drives' position loops \\[s]."
         ),
     ] = 0.001,
@@ -83,7 +81,7 @@ def track(
     with working("predicting the torques of the plan"):
         from checked_files.yaml_file import FileError
         from hil.cli.measuring import measure
-        from hil.cli.plan_files import load
+        from hil.cli.plan_view import load
         from hil.commands import track as command
         from hil.measuring.feeding import FeedingBus, refuse_beyond_torque
         from hil.planning.trajectory import Trajectory
@@ -133,14 +131,14 @@ def watch(
     *,
     where: RobotsBus,
     repeat: Annotated[
-        int | None, typer.Option(min=1, max=100_000, help="Number of times to repeat the plan.")
+        int | None, Option(min=1, max=100_000, help="Number of times to repeat the plan.")
     ] = None,
     hours: Annotated[
-        float | None, typer.Option(min=0, max=1000, help="Time for which to repeat the plan \\[h].")
+        float | None, Option(min=0, max=1000, help="Time for which to repeat the plan \\[h].")
     ] = None,
     learn: Annotated[
         float | None,
-        typer.Option(
+        Option(
             min=5,
             max=3600,
             help="Duration of motion without contact, from which thresholds are learned \\[s].",
@@ -149,10 +147,10 @@ def watch(
     ] = None,
     thresholds: Annotated[
         Path | None,
-        typer.Option(help="Folder of an earlier watch, whose thresholds hold from the start."),
+        Option(help="Folder of an earlier watch, whose thresholds hold from the start."),
     ] = None,
     stop: Annotated[
-        bool, typer.Option("--stop", help="Stop all axes and switch them off at the first alarm.")
+        bool, Option("--stop", help="Stop all axes and switch them off at the first alarm.")
     ] = False,
     robot_file: RobotOption = None,
     workspace: WorkspaceOption = None,
@@ -170,9 +168,11 @@ def watch(
             param_hint="--learn",
         )
     with working("reading plan and model"):
+        from checked_files.yaml_file import FileError
         from hil.cli.measuring import measure
         from hil.cli.monitoring import WatchView
-        from hil.cli.plan_files import load
+        from hil.cli.plan_view import load
+        from hil.planning.timetable import timetable
         from hil.results.model import loaded
         from hil.results.model_file import file_of
         from hil.results.watch import LEARNING, load_thresholds
@@ -189,7 +189,18 @@ def watch(
             watcher = Watcher(model, period, learning, known.axes)
         how = OnBus(**vars(where), realtime=realtime, listeners=listeners(shown, where.bus_option))
         view = WatchView(watcher, the_robot)
-        rounds = _rounds(the_plan, the_robot, repeat, hours, learning)
+        if repeat is not None and hours is not None:
+            raise FileError("--repeat and --hours exclude each other; give only one")
+        once = sum(
+            e.travel + e.duration for e in timetable(the_plan, the_robot, the_plan.measurements)
+        )
+        rounds = repeat or (1 if hours is None else max(1, ceil(3600 * hours / once)))
+        if rounds * once <= learning:
+            raise FileError(
+                f"{rounds * once:.0f} s of motion in the plan must exceed the {learning:g} s in "
+                "which thresholds are learned; repeat the plan, with --repeat "
+                f"{int(learning / once) + 2}"
+            )
     try:
         measure(
             the_plan.model_copy(update={"attempts": 1}),  # a push is the result: no repetition
@@ -212,25 +223,6 @@ def watch(
         later = run.ids[len(ended) + len(the_plan.measurements) :]
         show_causes(model_path, run.exclude([*ended, *later]))
         raise typer.Exit(Status.ALARMED)
-
-
-def _rounds(plan: Plan, robot: Robot, repeat: int | None, hours: float | None, learn: float) -> int:
-    """Compute the number of passes of the plan; refuse a watch entirely used for learning."""
-    from math import ceil
-
-    from checked_files.yaml_file import FileError
-    from hil.planning.timetable import timetable
-
-    if repeat is not None and hours is not None:
-        raise FileError("--repeat and --hours exclude each other; give only one")
-    once = sum(e.travel + e.duration for e in timetable(plan, robot, plan.measurements))
-    rounds = repeat or (1 if hours is None else max(1, ceil(3600 * hours / once)))
-    if rounds * once <= learn:
-        raise FileError(
-            f"{rounds * once:.0f} s of motion in the plan must exceed the {learn:g} s in which "
-            f"thresholds are learned; repeat the plan, with --repeat {int(learn / once) + 2}"
-        )
-    return rounds
 
 
 def keep_watch(output: Path, the_plan: Plan, watcher: Watcher, model: str) -> None:

@@ -17,7 +17,7 @@ from drivers.drives_file import load_drives
 from drivers.found_settings.keeping import SettingsKeeper
 from drivers.opening import open_fieldbus
 from hil.cli.arguments import parse_pairs, refuse_no_channel
-from hil.cli.realtime import real_time, short_slices
+from hil.cli.doctor import real_time, short_slices
 from hil.model.robot import ROBOTS
 from hil.show.table import Column, figures, table
 from hil.show.terminal import show
@@ -81,30 +81,24 @@ def _robots() -> list[str]:
     return sorted(path.name.removesuffix(SUFFIX) for path in ROBOTS.glob(f"*{SUFFIX}"))
 
 
-def _plant_of(drives: DrivesFile, name: str) -> str:
-    """Find the built-in plant with the same products at the same nodes.
+def open_bus(name: str, drives: DrivesFile, where: DrivesBus) -> Fieldbus:
+    """Open the bus of a drives file; the default is the built-in plant with these drives."""
+    refuse_no_channel(where.interface, where.channel)
+    if where.channel is not None:
+        return open_interface(where.interface, where.channel, drives.bitrate, where.bus_option)
 
-    Other contents of a drives file may be wrong; a plant serves to find such errors.
-    """
-    asked, robots = {_product(axis) for axis in drives.axes}, _robots()
+    def products(of: DrivesFile) -> set[tuple[int, int, int]]:
+        return {(each.node, each.identity.vendor, each.identity.product) for each in of.axes}
+
+    # other contents of a drives file may be wrong; a plant serves to find such errors
+    robots = _robots()
     for robot in robots:
-        if asked <= {_product(axis) for axis in load_drives(ROBOTS / f"{robot}{SUFFIX}").axes}:
-            return robot
+        if products(drives) <= products(load_drives(ROBOTS / f"{robot}{SUFFIX}")):
+            return open_interface(where.interface, robot, drives.bitrate, where.bus_option)
     raise FileError(
         f"{drives_path(name)}: no built-in plant has these drives; name a plant with --channel "
         f"({', '.join(robots)}), or a bus with --interface and --channel"
     )
-
-
-def _product(axis: AxisDrive) -> tuple[int, int, int]:
-    return axis.node, axis.identity.vendor, axis.identity.product
-
-
-def open_bus(name: str, drives: DrivesFile, where: DrivesBus) -> Fieldbus:
-    """Open the bus of a drives file; the default is the plant with these drives."""
-    refuse_no_channel(where.interface, where.channel)
-    channel = where.channel or _plant_of(drives, name)
-    return open_interface(where.interface, channel, drives.bitrate, where.bus_option)
 
 
 def open_interface(

@@ -17,6 +17,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 from rich.text import Text
+from typer import Argument, Option
 
 from hil.cli.arguments import (
     PLANT,
@@ -33,7 +34,7 @@ from hil.runs import SIMULATED
 from hil.show.table import figures, table
 from hil.show.terminal import show, show_beside, show_sentence
 from hil.terminal.console import give, give_each, out, say
-from hil.terminal.interruption import interruptible
+from hil.terminal.keys import interruptible
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator
@@ -52,27 +53,26 @@ if TYPE_CHECKING:
 def restore(
     file: Annotated[
         Path,
-        typer.Argument(
-            metavar="FILE", help="File of found settings, such as RUN/found-settings.yaml."
-        ),
+        Argument(metavar="FILE", help="File of found settings, such as RUN/found-settings.yaml."),
     ],
     interface: Annotated[
         str | None,
-        typer.Option(help="Interface of python-can, or ethercat; that of the file by default."),
+        Option(help="Interface of python-can, or ethercat; that of the file by default."),
     ] = None,
     channel: Annotated[
-        str | None, typer.Option(help="Channel of the interface; that of the file by default.")
+        str | None, Option(help="Channel of the interface; that of the file by default.")
     ] = None,
     bus_option: BusOptions = None,
     other_bus: Annotated[
-        bool, typer.Option("--other-bus", help="Accept another bus than the file states.")
+        bool, Option("--other-bus", help="Accept another bus than the file states.")
     ] = False,
 ) -> None:
     """Restore the drives' settings after a session that was killed; the drives must be off."""
     from checked_files.yaml_file import FileError
-    from drivers.found_settings.settings_file import load_found_settings
+    from drivers.found_settings.settings_file import dump_found_settings, load_found_settings
+    from drivers.operator_tools.put_back import put_back
     from hil.cli import bus_access
-    from hil.runs.atomic_file import locked
+    from hil.runs.atomic_file import locked, write_file
     from hil.tasks.bus_state import BusState
 
     settings = load_found_settings(file)
@@ -101,37 +101,26 @@ def restore(
         )
         ended = "stopped; repeat the command to continue"
         stack.enter_context(interruptible(lambda: ended))
-        settings, failed = _put_back(bus, settings, file)
+        failed = False
+        for drive in settings.unrestored:
+            if drive.doubt:
+                say(f"{drive.name} (node {drive.node}): {drive.doubt}", style="yellow")
+        for each in put_back(bus, settings):
+            bus_access.show_changed(each.label, each.written, "put back")
+            settings = settings.update_drives([each.drive])
+            write_file(file, dump_found_settings(settings).encode())
+            for line in each.left:
+                say(line, style="yellow")
+            if each.problem:
+                typer.echo(each.problem, err=True)
+                failed = True
         if settings.restored:
             stated = zip(kept, bus_name, strict=True)
-            BusState(*(each or otherwise for each, otherwise in stated)).forget_run(file)
+            BusState(*(known or otherwise for known, otherwise in stated)).forget_run(file)
     if settings.restored:
         say(f"{file}: {_conclusion(settings)}")
     if failed:
         raise typer.Exit(1)
-
-
-def _put_back(bus: Fieldbus, settings: FoundSettings, file: Path) -> tuple[FoundSettings, bool]:
-    """Restore drive by drive and update the file; return settings, and True if any failed."""
-    from drivers.found_settings.settings_file import dump_found_settings
-    from drivers.operator_tools.put_back import put_back
-    from hil.cli.bus_access import show_changed
-    from hil.runs.atomic_file import write_file
-
-    failed = False
-    for drive in settings.unrestored:
-        if drive.doubt:
-            say(f"{drive.name} (node {drive.node}): {drive.doubt}", style="yellow")
-    for each in put_back(bus, settings):
-        show_changed(each.label, each.written, "put back")
-        settings = settings.update_drives([each.drive])
-        write_file(file, dump_found_settings(settings).encode())
-        for line in each.left:
-            say(line, style="yellow")
-        if each.problem:
-            typer.echo(each.problem, err=True)
-            failed = True
-    return settings, failed
 
 
 def _conclusion(settings: FoundSettings) -> str:
@@ -150,17 +139,17 @@ def check(
     where: DrivesBus,
     axis: Annotated[
         list[str] | None,
-        typer.Option(metavar="AXIS", help="Axis to check; all by default; may be repeated."),
+        Option(metavar="AXIS", help="Axis to check; all by default; may be repeated."),
     ] = None,
     angle: Annotated[
-        float, typer.Option(min=0.5, max=20, help="Amplitude of the small moves \\[deg].")
+        float, Option(min=0.5, max=20, help="Amplitude of the small moves \\[deg].")
     ] = 3.0,
     speed: Annotated[
-        float, typer.Option(min=0.1, max=20, help="Speed of the small moves \\[deg/s].")
+        float, Option(min=0.1, max=20, help="Speed of the small moves \\[deg/s].")
     ] = 5,
     model: Annotated[
         Path | None,
-        typer.Option(
+        Option(
             help="Identified run; its gravity torques are used to check the direction of each "
             "joint."
         ),
@@ -168,9 +157,7 @@ def check(
     realtime: RealTime = False,
     jitter_time: Annotated[
         float,
-        typer.Option(
-            min=0, max=600, help="Measuring time for this computer's wake-up jitter \\[s]."
-        ),
+        Option(min=0, max=600, help="Measuring time for this computer's wake-up jitter \\[s]."),
     ] = 10.0,
     yes: Yes = False,
 ) -> None:
@@ -210,9 +197,9 @@ def check(
 def jog(
     drives_file: Drives,
     axis: AxisName,
-    by: Annotated[float, typer.Option(help="Signed distance to move \\[deg; mm if prismatic].")],
+    by: Annotated[float, Option(help="Signed distance to move \\[deg; mm if prismatic].")],
     speed: Annotated[
-        float, typer.Option(min=0.01, help="Speed of the axis \\[deg/s; mm/s if prismatic].")
+        float, Option(min=0.01, help="Speed of the axis \\[deg/s; mm/s if prismatic].")
     ] = 5,
     *,
     where: DrivesBus,
@@ -251,9 +238,9 @@ def home(
     axis: AxisName,
     method: Annotated[
         int | None,
-        typer.Option(min=-128, max=37, help="Homing method (6098) in place of the drives file's."),
+        Option(min=-128, max=37, help="Homing method (6098) in place of the drives file's."),
     ] = None,
-    patience: Annotated[float, typer.Option(min=1, help="Maximum duration of homing \\[s].")] = 60,
+    patience: Annotated[float, Option(min=1, help="Maximum duration of homing \\[s].")] = 60,
     *,
     where: DrivesBus,
     yes: Yes = False,
@@ -281,7 +268,7 @@ def reset_faults(
     drives_file: Drives,
     axis: Annotated[
         list[str] | None,
-        typer.Option(metavar="AXIS", help="Axis to reset; all by default; may be repeated."),
+        Option(metavar="AXIS", help="Axis to reset; all by default; may be repeated."),
     ] = None,
     *,
     where: DrivesBus,

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 from rich.text import Text
+from typer import Option
 
 from drivers.cia402.states import Mode, State, decode_state
 from drivers.drive_bus import DriveRefused, NodeSilent
@@ -25,11 +26,10 @@ from hil.show.terminal import broken, show
 from hil.terminal.console import out, say, working
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator, Sequence
+    from collections.abc import Iterator
 
     from drivers.dictionary.dictionary import Dictionary
     from drivers.dictionary.review import FoundNode, Scan
-    from drivers.operator_tools.draft import DraftedAxis
     from hil.show.table import Row
 
 commands = typer.Typer()
@@ -42,10 +42,8 @@ HIGHEST_NODE = 127
 MODES = dict(zip(Mode, ["PP", "VL", "PV", "TQ", "HM", "IP", "CSP", "CSV", "CST"], strict=True))
 """Modes of operation, abbreviated as in drives' manuals."""
 
-Channel = Annotated[
-    str | None, typer.Option(help="Channel of the interface, such as can0 or eth0.")
-]
-Nodes = Annotated[str | None, typer.Option(help="Node numbers, such as 1-6 or 1,2,11-16.")]
+Channel = Annotated[str | None, Option(help="Channel of the interface, such as can0 or eth0.")]
+Nodes = Annotated[str | None, Option(help="Node numbers, such as 1-6 or 1,2,11-16.")]
 
 
 @drives_commands.command()
@@ -66,10 +64,15 @@ def scan(
         about, review = node.dictionary, node.review
         identity = (about.vendor, about.product, about.revision) if about else ()
         serves = Marked("no") if review and not review.serves else "yes" if review else "unknown"
+        heard = []
+        if node.state and node.state != "boot-up":
+            heard.append(f"{node.shown_by} ({node.state})")
+        counted = {"boot-up": node.boots, "EMCY": node.emergencies, "SDO": node.answers}
+        heard += [how for how, noticed in counted.items() if noticed]
         rows.append(
             (
                 str(node.node),
-                ", ".join(_heard(node)),
+                ", ".join(heard),
                 about.model if about else "",
                 ", ".join("?" if part is None else f"{part:X}h" for part in identity),
                 " ".join(MODES[mode] for mode in (review.modes if review else None) or ()),
@@ -87,7 +90,15 @@ def scan(
     folding = (Column(head, folds=True) for head in SCANNED)
     show(table(title, ("node", *folding, "serves"), rows), out)
     for (text, fatal), which in sorted(remarks.items(), key=lambda item: not item[0][1]):
-        line = Text(broken(f"{_spans(which)}: {text}", out))
+        spans: list[list[int]] = []
+        for number in sorted(set(which)):
+            if spans and number == spans[-1][-1] + 1:
+                spans[-1].append(number)
+            else:
+                spans.append([number])
+        texts = (f"{span[0]}-{span[-1]}" if len(span) > 1 else f"{span[0]}" for span in spans)
+        of = ("nodes " if len(set(which)) > 1 else "node ") + ", ".join(texts)
+        line = Text(broken(f"{of}: {text}", out))
         line.stylize("bold red" if fatal else "yellow", 0, line.plain.index(":") + 1)
         out.print(line, soft_wrap=True, highlight=False)
     if found.syncs:
@@ -102,18 +113,16 @@ def new(
     output: Annotated[Path, output_option(new_file, "Drives file to write.")],
     eds: Annotated[
         list[Path] | None,
-        typer.Option(metavar="FILE", help="EDS or DCF file of a drive; may be repeated."),
+        Option(metavar="FILE", help="EDS or DCF file of a drive; may be repeated."),
     ] = None,
     esi: Annotated[
         list[Path] | None,
-        typer.Option(metavar="FILE", help="ESI file of an EtherCAT drive; may be repeated."),
+        Option(metavar="FILE", help="ESI file of an EtherCAT drive; may be repeated."),
     ] = None,
     nodes: Nodes = None,
     interface: Annotated[
         str | None,
-        typer.Option(
-            help="Interface of python-can, or ethercat, to read the drives instead of files."
-        ),
+        Option(help="Interface of python-can, or ethercat, to read the drives instead of files."),
     ] = None,
     channel: Channel = None,
     bus_option: BusOptions = None,
@@ -124,22 +133,55 @@ def new(
 ) -> None:
     """Write a first drives file from data sheets or from the drives, and list what to fill in."""
     from checked_files.yaml_file import UNSTATED
-    from drivers.opening import ETHERCAT, find_rules
-    from drivers.operator_tools.draft import draft_drives
+    from drivers.dictionary.review import review
+    from drivers.opening import ETHERCAT, find_rules, read_eds, read_esi
+    from drivers.operator_tools.draft import DraftedAxis, draft_drives
     from hil.runs.atomic_file import write_file
 
     if [eds, esi, interface].count(None) != 2:
         raise typer.BadParameter(
             "give data sheets with --eds, or a bus with --interface, or descriptions with --esi"
         )
+    numbers = _numbers(nodes)
     if interface is None:
+        files = eds or esi or []
         if esi:
             interface, bitrate = ETHERCAT, bitrate or BITRATE
-        axes = _read_sheets(eds or esi or [], _numbers(nodes), interface)
+        if numbers and len(files) == 1:
+            files = files * len(numbers)
+        if numbers and len(numbers) != len(files):
+            raise typer.BadParameter(
+                f"{len(numbers)} nodes and {len(files)} data sheets: give one sheet for all nodes, "
+                "or one per node"
+            )
+        axes, rules = [], find_rules(interface)
+        for k, file in enumerate(files):
+            whole = (read_esi if esi else read_eds)(file, numbers[k] if numbers else None)
+            for within in whole.axes():
+                dictionary = whole.select_axis(within)
+                axes.append(DraftedAxis(dictionary, review(dictionary, rules), whole.node, within))
     else:
         bitrate = bitrate or BITRATE
-        where = DrivesBus(interface, channel, bus_option)
-        axes = _read_bus(where, bitrate, _numbers(nodes))
+        found = _scan(DrivesBus(interface, channel, bus_option), bitrate, numbers).nodes
+        silent = [k for k in numbers or found if k not in found or not found[k].dictionary]
+        if silent and numbers:
+            raise NodeSilent(
+                f"node {', '.join(map(str, silent))}: answers no SDO; check its power, its number, "
+                "the bit rate and the CAN wiring"
+            )
+        axes = [
+            DraftedAxis(dictionary, reviewed, node.node, within)
+            for node in found.values()
+            if node.dictionary and node.review and (numbers or node.review.profile in {None, 402})
+            for within, dictionary, reviewed in (
+                (node.within, node.dictionary, node.review),
+                *node.further,
+            )
+        ]
+        if not axes:
+            raise DriveRefused(
+                "no CiA 402 drive on the bus; `hil drives scan` lists all nodes that respond"
+            )
     text = draft_drives(axes, find_rules(interface), bitrate)
     write_file(output, text.encode())
     choices: dict[str, list[str]] = {}
@@ -151,8 +193,8 @@ def new(
             else "object not found: state it in the file"
         )
         choices.setdefault(why, []).append(str(number))
-    for why, numbers in choices.items():
-        say(f"joint {', '.join(numbers)}: current {why}")
+    for why, joints in choices.items():
+        say(f"joint {', '.join(joints)}: current {why}")
     marks = text.count(f": {UNSTATED} ")
     say(f"{len(axes)} axes in {output}; {marks} lines marked {UNSTATED} must be filled in by you")
 
@@ -185,58 +227,6 @@ for _command in (
     commissioning.restore, commissioning.reset_faults,
 ):  # fmt: skip
     drives_commands.command()(_command)
-
-
-def _read_sheets(
-    files: Sequence[Path], nodes: tuple[int, ...], interface: str | None
-) -> list[DraftedAxis]:
-    """Read data sheets: a single sheet for all nodes, or a sheet per node."""
-    from drivers.dictionary.review import review
-    from drivers.opening import find_rules, read_eds, read_esi
-    from drivers.operator_tools.draft import DraftedAxis
-
-    if nodes and len(files) == 1:
-        files = [*files] * len(nodes)
-    if nodes and len(nodes) != len(files):
-        raise typer.BadParameter(
-            f"{len(nodes)} nodes and {len(files)} data sheets: give one sheet for all nodes, or "
-            "one per node"
-        )
-    axes, rules = [], find_rules(interface)
-    for number, file in enumerate(files):
-        whole = (read_esi if interface else read_eds)(file, nodes[number] if nodes else None)
-        for within in whole.axes():
-            dictionary = whole.select_axis(within)
-            reviewed = review(dictionary, rules)
-            axes.append(DraftedAxis(dictionary, reviewed, whole.node, within))
-    return axes
-
-
-def _read_bus(where: DrivesBus, bitrate: int, nodes: tuple[int, ...]) -> list[DraftedAxis]:
-    """Read the dictionaries of the drives: the given nodes, or all drives found."""
-    from drivers.operator_tools.draft import DraftedAxis
-
-    found = _scan(where, bitrate, nodes).nodes
-    silent = [node for node in nodes or found if node not in found or not found[node].dictionary]
-    if silent and nodes:
-        raise NodeSilent(
-            f"node {', '.join(map(str, silent))}: answers no SDO; check its power, its number, the"
-            " bit rate and the CAN wiring"
-        )
-    axes = [
-        DraftedAxis(dictionary, review, node.node, within)
-        for node in found.values()
-        if node.dictionary and node.review and (nodes or node.review.profile in {None, 402})
-        for within, dictionary, review in (
-            (node.within, node.dictionary, node.review),
-            *node.further,
-        )
-    ]
-    if not axes:
-        raise DriveRefused(
-            "no CiA 402 drive on the bus; `hil drives scan` lists all nodes that respond"
-        )
-    return axes
 
 
 def _scan(where: DrivesBus, bitrate: int, nodes: tuple[int, ...]) -> Scan:
@@ -273,17 +263,6 @@ def _numbers(text: str | None) -> tuple[int, ...]:
 SCANNED = ("heard by", "device", "identity (1018)", "modes", "state")
 
 
-def _heard(found: FoundNode) -> Iterator[str]:
-    """Yield the kinds of messages received from a node."""
-    if found.state and found.state != "boot-up":
-        yield f"{found.shown_by} ({found.state})"
-    for how, noticed in (
-        ("boot-up", found.boots), ("EMCY", found.emergencies), ("SDO", found.answers),
-    ):  # fmt: skip
-        if noticed:
-            yield how
-
-
 def _state(dictionary: Dictionary | None) -> str:
     from drivers.cia402.objects import STATUSWORD
 
@@ -307,15 +286,3 @@ def _remarks(found: FoundNode) -> Iterator[tuple[str, bool]]:
         "a drive, set it to pre-operational",
         False,
     )
-
-
-def _spans(nodes: Sequence[int]) -> str:
-    """Format node numbers as "node 3" or "nodes 1-4, 7"."""
-    spans: list[list[int]] = []
-    for node in sorted(set(nodes)):
-        if spans and node == spans[-1][-1] + 1:
-            spans[-1].append(node)
-        else:
-            spans.append([node])
-    texts = (f"{span[0]}-{span[-1]}" if len(span) > 1 else f"{span[0]}" for span in spans)
-    return ("nodes " if len(set(nodes)) > 1 else "node ") + ", ".join(texts)

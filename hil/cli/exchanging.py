@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
+from typer import Argument, Option
 
 from checked_files.foreign_text import shown
 from hil.cli.arguments import (
@@ -38,18 +39,18 @@ def import_(
     output: Annotated[Path, output_option(new_folder, "Run folder to write, or map with --draft.")],
     maps: Annotated[
         list[Path] | None,
-        typer.Argument(
+        Argument(
             metavar="MAP",
             help="Maps: files that state what each column holds.",
             autocompletion=files,
         ),
     ] = None,
     draft: Annotated[
-        Path | None, typer.Option("--draft", help="Recording to draft a first map from.")
+        Path | None, Option("--draft", help="Recording to draft a first map from.")
     ] = None,
     robot: Annotated[
         str | None,
-        typer.Option(
+        Option(
             help="Robot file, URDF, or name of a robot, for --draft; or robot of a map, "
             "{urdf: FILE, to: LINK}.",
             autocompletion=robots,
@@ -57,7 +58,7 @@ def import_(
     ] = None,
     layout: Annotated[
         list[str] | None,
-        typer.Option(
+        Option(
             "--format",
             metavar="KEY=VALUE",
             help="Layout of the recording for --draft, such as topic=/joint_states or skip=3; may"
@@ -66,14 +67,14 @@ def import_(
     ] = None,
     allowed: Annotated[
         list[Path] | None,
-        typer.Option(
+        Option(
             "--files",
             help="File or folder outside of a map's folder that the maps may read; repeatable.",
         ),
     ] = None,
     explain: Annotated[
         bool,
-        typer.Option(
+        Option(
             "--explain",
             help="Print the interpretation of each joint, and the results of all checks.",
         ),
@@ -159,7 +160,7 @@ def _draft(recording: Path, output: Path, robot: str | None, layout: list[str] |
 def export(
     source: Annotated[
         Path,
-        typer.Argument(
+        Argument(
             metavar="MODEL|RUN",
             help="Identified run, or model file; any run for its recordings.",
             autocompletion=runs,
@@ -167,7 +168,7 @@ def export(
     ],
     to: Annotated[
         str,
-        typer.Option(
+        Option(
             help="Format, such as c, python, st, urdf, csv; an unknown name lists all.",
             autocompletion=formats,
         ),
@@ -175,11 +176,11 @@ def export(
     output: Annotated[Path, output_option(folder_to_write, "Folder to write into.")],
     urdf: Annotated[
         Path | None,
-        typer.Option(help="URDF for shapes and names (formats urdf, mjcf) or names only (mcap)."),
+        Option(help="URDF for shapes and names (formats urdf, mjcf) or names only (mcap)."),
     ] = None,
     patch: Annotated[
         Path | None,
-        typer.Option(
+        Option(
             help="Your URDF or MJCF; the output has a copy with the model's values.",
             autocompletion=files,
         ),
@@ -187,14 +188,14 @@ def export(
     masses: Masses = None,
     watch: Annotated[
         Path | None,
-        typer.Option(
+        Option(
             help="Folder of a watch: also write its alarms and thresholds (c, python, st, json).",
             autocompletion=files,
         ),
     ] = None,
     without: Without = None,
     force: Annotated[
-        bool, typer.Option("--force", help="Export the model of a failed identification, too.")
+        bool, Option("--force", help="Export the model of a failed identification, too.")
     ] = False,
 ) -> None:
     """Export an identified model, or the recordings of a run, to other tools."""

@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
+from typer import Argument, Option
 
 from checked_files.foreign_text import printable
 from hil.cli.arguments import (
@@ -58,7 +59,7 @@ def validate(
     folder: RunPath,
     model_path: Annotated[
         Path | None,
-        typer.Option(
+        Option(
             "--model",
             help="Model to validate: its file, or the folder of its run.",
             autocompletion=runs,
@@ -66,7 +67,7 @@ def validate(
     ] = None,
     truth: Annotated[
         str | None,
-        typer.Option(
+        Option(
             help="Plant file or built-in plant with the true parameters, for comparison with the "
             "estimate of this run.",
             autocompletion=robots,
@@ -74,9 +75,7 @@ def validate(
     ] = None,
     measure: Annotated[
         bool,
-        typer.Option(
-            "--measure", help="Measure another motion into the folder first; the robot moves."
-        ),
+        Option("--measure", help="Measure another motion into the folder first; the robot moves."),
     ] = False,
     method: Method = None,
     others: Others = None,
@@ -96,7 +95,22 @@ def validate(
             raise typer.BadParameter(
                 "--measure and bus options cannot be used with --truth (no measurement takes place)"
             )
-        _against_truth(folder, truth, method, others, without)
+        with working("reading the run") as now:
+            from hil.ground_truth.comparison import truth_comparison
+            from hil.results.identification import method_for
+            from hil.runs.pooling import open_runs
+
+            refuse_unknown(method)
+            run, *more = open_runs([folder, *(others or ())])
+            run = run.exclude(without or ())
+            now(f"comparing the estimate of {run.robot.name} with the truth")
+            compared = truth_comparison(run, truth, method or method_for(run, more)[0], more)
+        show(compared.summary())
+        give(
+            relative_errors={**compared.group_error, "torques": compared.mean_torque_error},
+            within_intervals=int(compared.inside.sum()),
+            parameters=len(compared.values),
+        )
         return
     if model_path is None or truth is not None:
         raise typer.BadParameter("give either --model, or --truth for a virtual plant")
@@ -114,10 +128,10 @@ def validate(
         model_path = file_of(model_path)
         model = Model.load(model_path)
     if measure:
-        from hil.model.robot import refuse_unknown
+        from hil.model import robot
         from hil.planning.design.trajectories import design_validation
 
-        refuse_unknown(model.robot)
+        robot.refuse_unknown(model.robot)
         with working("choosing a motion"):
             plan = design_validation(model.robot)
         how = OnBus(**vars(where), realtime=realtime)
@@ -136,31 +150,6 @@ def validate(
         raise typer.Exit(Status.REFUSED)
 
 
-def _against_truth(
-    folder: Path,
-    truth: str,
-    method: str | None,
-    others: list[Path] | None,
-    without: list[str] | None,
-) -> None:
-    with working("reading the run") as now:
-        from hil.ground_truth.comparison import truth_comparison
-        from hil.results.identification import method_for
-        from hil.runs.pooling import open_runs
-
-        refuse_unknown(method)
-        run, *more = open_runs([folder, *(others or ())])
-        run = run.exclude(without or ())
-        now(f"comparing the estimate of {run.robot.name} with the truth")
-        found = truth_comparison(run, truth, method or method_for(run, more)[0], more)
-    show(found.summary())
-    give(
-        relative_errors={**found.group_error, "torques": found.mean_torque_error},
-        within_intervals=int(found.inside.sum()),
-        parameters=len(found.values),
-    )
-
-
 @commands.command()
 def accept(
     folder: RunPath,
@@ -171,14 +160,14 @@ def accept(
         ),
     ],
     limits: Annotated[
-        Path | None, typer.Option("--limits", help="File of limits.", autocompletion=files)
+        Path | None, Option("--limits", help="File of limits.", autocompletion=files)
     ] = None,
     draft: Annotated[
-        bool, typer.Option("--draft", help="Write limits from this run, a known good one.")
+        bool, Option("--draft", help="Write limits from this run, a known good one.")
     ] = False,
     reference: Annotated[
         Path | None,
-        typer.Option(
+        Option(
             help="Reference for the diagnosis of a failed run; by default the run that the"
             " limits were drafted from, if found next to the limits or the judged run.",
             autocompletion=runs,
@@ -186,12 +175,10 @@ def accept(
     ] = None,
     factor: Annotated[
         float,
-        typer.Option(
-            min=1.0, max=1000.0, help="Width of drafted limits, in widths of 95 % intervals."
-        ),
+        Option(min=1.0, max=1000.0, help="Width of drafted limits, in widths of 95 % intervals."),
     ] = 3.0,
-    serial: Annotated[str, typer.Option(help="Serial number of the robot.")] = "",
-    operator: Annotated[str, typer.Option(help="Name of the person who accepts the robot.")] = "",
+    serial: Annotated[str, Option(help="Serial number of the robot.")] = "",
+    operator: Annotated[str, Option(help="Name of the person who accepts the robot.")] = "",
 ) -> None:
     """Judge an identified run by limits; writes a page to sign and JUnit XML.
 
@@ -231,17 +218,17 @@ def accept(
 @commands.command()
 def history(
     folders: Annotated[
-        list[Path], typer.Argument(metavar="RUN", help="Identified runs.", autocompletion=runs)
+        list[Path], Argument(metavar="RUN", help="Identified runs.", autocompletion=runs)
     ],
     reference: Annotated[
         Path | None,
-        typer.Option(
+        Option(
             help="Reference run for the comparison; the earliest by default.", autocompletion=runs
         ),
     ] = None,
     wander: Annotated[
         float,
-        typer.Option(
+        Option(
             min=0.0,
             max=99.0,
             help="Minimum allowance for changes of friction by temperature \\[%].",
@@ -249,11 +236,11 @@ def history(
     ] = 0.0,
     page: Annotated[Path | None, page_option("Page with plots to write")] = None,
     identify: Annotated[
-        bool, typer.Option("--identify", help="Identify runs that have no model yet.")
+        bool, Option("--identify", help="Identify runs that have no model yet.")
     ] = False,
     fail_on_change: Annotated[
         bool,
-        typer.Option(
+        Option(
             "--fail-on-change", help="Exit with status 4 if a quantity of the newest run changed."
         ),
     ] = False,
@@ -295,12 +282,10 @@ commands.add_typer(
     help="Index the models of many machines, and find machines that deviate from the fleet.",
 )
 
-Index = Annotated[Path, typer.Argument(metavar="INDEX", help="Index of a fleet.")]
+Index = Annotated[Path, Argument(metavar="INDEX", help="Index of a fleet.")]
 Rate = Annotated[
     float,
-    typer.Option(
-        min=0.001, max=100.0, help="Maximum number of false alarms per machine in ten years."
-    ),
+    Option(min=0.001, max=100.0, help="Maximum number of false alarms per machine in ten years."),
 ]
 
 
@@ -308,7 +293,7 @@ Rate = Annotated[
 def index(
     folders: Annotated[
         list[str],
-        typer.Argument(
+        Argument(
             metavar="FOLDER",
             help="Folders MACHINE/RUN of identified runs; object storage addresses are accepted.",
         ),
@@ -331,7 +316,7 @@ def index(
 @fleet_commands.command()
 def identify(
     folders: Annotated[
-        list[Path], typer.Argument(metavar="FOLDER", help="Folders with run folders at any depth.")
+        list[Path], Argument(metavar="FOLDER", help="Folders with run folders at any depth.")
     ],
     workers: Workers = None,
     scheduler: Scheduler = None,
@@ -372,9 +357,7 @@ def page(
     path: Index,
     output: Annotated[
         Path,
-        typer.Option(
-            "-o", "--output", callback=file_to_write, help="Page to write; one HTML file."
-        ),
+        Option("-o", "--output", callback=file_to_write, help="Page to write; one HTML file."),
     ] = Path("fleet.html"),
     rate: Rate = 0.5,
 ) -> None:

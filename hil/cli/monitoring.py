@@ -11,18 +11,17 @@ import time
 from contextlib import contextmanager
 from typing import TYPE_CHECKING, Annotated
 
-import typer
 from rich.console import Group
 from rich.live import Live
 from rich.text import Text
+from typer import Option
 
 from hil.cli.arguments import Drives, DrivesBus, expand_records
 from hil.show.rounding import clock, significant
 from hil.show.table import Column, Marked, figures, table
 from hil.show.terminal import Drawn, show
 from hil.terminal.console import out, say
-from hil.terminal.interruption import interruptible
-from hil.terminal.keys import Keys
+from hil.terminal.keys import Keys, interruptible
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
@@ -30,7 +29,7 @@ if TYPE_CHECKING:
     from rich.console import Console
 
     from drivers.cia402.picture import Picture
-    from drivers.drives_file import AxisDrive, DrivesFile
+    from drivers.drives_file import DrivesFile
     from hil.measuring.events import Event
     from hil.model.robot import Robot
     from hil.results.watch import Alarm
@@ -44,11 +43,11 @@ def monitor(
     where: DrivesBus,
     duration: Annotated[
         float | None,
-        typer.Option("--for", min=0.1, help="Duration of monitoring; unlimited by default \\[s]."),
+        Option("--for", min=0.1, help="Duration of monitoring; unlimited by default \\[s]."),
     ] = None,
     inputs: Annotated[
         bool,
-        typer.Option(
+        Option(
             "--inputs",
             help="Also read the digital inputs (60FD), which show safe torque off; only without"
             " another master on the bus.",
@@ -131,7 +130,11 @@ def _table(picture: Picture, drives: DrivesFile) -> Table:
                 str(axis.node),
                 axis.nmt,
                 ", ".join(filter(None, (axis.state and axis.state.value, axis.interlock))),
-                "" if math.isnan(axis.q) else _position(drive, axis.q),
+                ""
+                if math.isnan(axis.q)
+                else f"{1000 * axis.q:.2f} mm"
+                if drive.joint == "prismatic"
+                else f"{math.degrees(axis.q):.2f}°",
                 "" if math.isnan(axis.tau) else f"{axis.tau:.3g} {drive.effort_unit}",
                 "never" if math.isinf(silent) else f"{silent:.1f} s",
                 Marked("; ".join(parts)),
@@ -146,10 +149,6 @@ def _table(picture: Picture, drives: DrivesFile) -> Table:
         Column("emergency", folds=True),
     )
     return table(f"SYNC at {rate:.4g} Hz" if rate else "no SYNC", columns, rows)
-
-
-def _position(drive: AxisDrive, q: float) -> str:
-    return f"{1000 * q:.2f} mm" if drive.joint == "prismatic" else f"{math.degrees(q):.2f}°"
 
 
 class WatchView:
@@ -194,7 +193,7 @@ class WatchView:
         self._doing = f"{doing(event)}, {clock(event.remaining)} of robot time left"
 
     def draw(self) -> Group:
-        """Draw torques and thresholds of all axes, and the present measurement."""
+        """Draw torques and thresholds of the axes, and the present measurement."""
         watcher = self._watcher
         state = "learning thresholds, no alarms yet" if watcher.learning else "watching"
         heads = figures("measured", "predicted", "external", "threshold", "last alarm")

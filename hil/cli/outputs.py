@@ -14,6 +14,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, cast
 
 import typer
+from typer import Option
 
 from checked_files.foreign_text import printable
 from hil.terminal.console import give, give_each, out, say, working
@@ -137,12 +138,12 @@ new_folder = _path_callback(refuse_existing, _refuse_no_way)
 
 def output_option(callback: Callable[..., Path | None], text: str) -> OptionInfo:
     """Create the option -o with a callback of this module."""
-    return cast("OptionInfo", typer.Option("-o", "--output", callback=callback, help=text))
+    return cast("OptionInfo", Option("-o", "--output", callback=callback, help=text))
 
 
 def page_option(text: str) -> OptionInfo:
     """Create the option --page of a command that writes a page on demand."""
-    option = typer.Option("--page", callback=file_to_write, help=f"{text}; one HTML file.")
+    option = Option("--page", callback=file_to_write, help=f"{text}; one HTML file.")
     return cast("OptionInfo", option)
 
 

@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
+from typer import Argument, Option
 
 from hil.cli.arguments import ModelPath, RobotsBus, expand_records, group_of, runs
 from hil.cli.outputs import (
@@ -23,7 +24,6 @@ if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from hil.estimation.loads.figures import Load
-    from hil.planning.plan import Plan
     from hil.results.load_file import LoadFile
     from hil.runs.run import Run
 
@@ -46,14 +46,14 @@ commands.add_typer(payload, name="payload")
 @payload.command(TWO_RUNS)
 def two_runs(
     without: Annotated[
-        Path, typer.Argument(metavar="RUN", help="Run without the load.", autocompletion=runs)
+        Path, Argument(metavar="RUN", help="Run without the load.", autocompletion=runs)
     ],
     loaded: Annotated[
-        Path, typer.Argument(metavar="LOADED", help="Run with the load.", autocompletion=runs)
+        Path, Argument(metavar="LOADED", help="Run with the load.", autocompletion=runs)
     ],
     mass: Annotated[
         float | None,
-        typer.Option(
+        Option(
             min=1e-3,
             help="Known mass of the load \\[kg]; corrects the torque constants of runs measured by"
             " strokes.",
@@ -61,7 +61,7 @@ def two_runs(
     ] = None,
     gains: Annotated[
         bool,
-        typer.Option(
+        Option(
             "--gains",
             help="Estimate the torque gains of all axes of imported runs, too; needs --mass.",
         ),
@@ -100,22 +100,16 @@ def measure(
     ],
     minutes: Annotated[
         float,
-        typer.Option(
-            min=LEAST_MINUTES, max=3, help="Duration of motion, including travel \\[min]."
-        ),
+        Option(min=LEAST_MINUTES, max=3, help="Duration of motion, including travel \\[min]."),
     ] = 3.0,
-    mass: Annotated[
-        float | None, typer.Option(min=1e-3, help="Known mass of the load \\[kg].")
-    ] = None,
+    mass: Annotated[float | None, Option(min=1e-3, help="Known mass of the load \\[kg].")] = None,
     at_most: Annotated[
         float | None,
-        typer.Option(
-            min=1e-3, help="Maximum payload mass that the axes must hold in all poses \\[kg]."
-        ),
+        Option(min=1e-3, help="Maximum payload mass that the axes must hold in all poses \\[kg]."),
     ] = None,
     pose: Annotated[
         list[str] | None,
-        typer.Option(
+        Option(
             help="Axis and its position in all measurements, such as axis5=90 \\[deg; m]; may be"
             " repeated."
         ),
@@ -123,13 +117,15 @@ def measure(
     *,
     where: RobotsBus,
     resume: Annotated[
-        bool, typer.Option("--resume", help="Continue a measurement that was stopped.")
+        bool, Option("--resume", help="Continue a measurement that was stopped.")
     ] = False,
 ) -> None:
     """Measure a load, slowly and then faster; the robot moves."""
+    from checked_files.yaml_file import FileError
     from hil.cli.measuring import OnBus
     from hil.cli.measuring import measure as measured
     from hil.commands.payload import advised, verdict
+    from hil.errors import Mismatch
     from hil.planning.timetable import timetable
     from hil.results.load import BareRun, LoadFit, find_load
     from hil.results.load_file import NAME, write_load
@@ -142,13 +138,33 @@ def measure(
             f"{mass:g} kg must be at most the {at_most:g} kg of --at-most", param_hint="--mass"
         )
     bare_run = Run.open(model if model.is_dir() else model.parent)
-    _refuse_output(bare_run, output, resume=resume)
+    if output.resolve() == bare_run.path.resolve():
+        raise Mismatch(
+            f"{output}: is the run without the load; name another folder for the run with the "
+            "load: -o"
+        )
+    if (output / "run.json").exists():
+        raise FileError(f"{output}: holds another run; choose another folder with -o")
+    if (output / SLOW).exists() and not resume:
+        raise FileError(
+            f"{output}: already holds a load measurement; finish it with --resume, or choose "
+            "another folder with -o"
+        )
     bare, how = BareRun(bare_run), OnBus(**vars(where))
     kind = {"model": bare, "minutes": minutes, "pose": poses(bare_run.robot, pose or [])}
     heaviest = at_most if mass is None else mass
     for stage, more in ((SLOW, {"at_most": heaviest}), (FAST, {"refine": [output / SLOW]})):
-        plan = _kept_plan(output / stage, bare_run)
-        if plan is None:
+        folder = output / stage
+        begun = (folder / "run.json").exists()
+        if begun:
+            earlier = Run.open(folder)
+            if earlier.robot.digest != bare_run.robot.digest:
+                raise Mismatch(
+                    f"{folder}: was measured with another robot file than {bare_run.path}; choose "
+                    "another folder with -o"
+                )
+            plan = earlier.planned
+        else:
             with working(f"planning {stage} measurements") as now:
                 found = designed("load", now, **kind, **more)
             plan = found.plan
@@ -156,8 +172,7 @@ def measure(
             lasts = clock(sum(each.travel + each.duration for each in entries))
             say(f"{stage}: {count(len(entries), 'measurement')} in {lasts} min of motion")
             show(*found.shown)
-        folder = output / stage
-        again = resume and (folder / "run.json").exists()
+        again = resume and begun
         measured(plan, bare_run.robot, folder / "plan.yaml", folder, how, again)
     runs = [Run.open(output / stage_of) for stage_of in (SLOW, FAST)]
     with working("estimating the load"):
@@ -178,38 +193,3 @@ def _finish(folder: Path, bare: Run, loaded: Sequence[Run], found: Load, kept: L
     if found.is_loose or kept.p_value <= LOOSE:
         show_causes(bare.path, *loaded, known=("load",))
     write_page(folder / PAGE, load)
-
-
-def _refuse_output(bare: Run, output: Path, *, resume: bool) -> None:
-    """Refuse a folder with a different measurement."""
-    from checked_files.yaml_file import FileError
-    from hil.errors import Mismatch
-
-    if output.resolve() == bare.path.resolve():
-        raise Mismatch(
-            f"{output}: is the run without the load; name another folder for the run with the "
-            "load: -o"
-        )
-    if (output / "run.json").exists():
-        raise FileError(f"{output}: holds another run; choose another folder with -o")
-    if (output / SLOW).exists() and not resume:
-        raise FileError(
-            f"{output}: already holds a load measurement; finish it with --resume, or choose "
-            "another folder with -o"
-        )
-
-
-def _kept_plan(folder: Path, bare: Run) -> Plan | None:
-    """Return the plan of a stage begun earlier; None if there is none."""
-    from hil.errors import Mismatch
-    from hil.runs.run import Run
-
-    if not (folder / "run.json").exists():
-        return None
-    run = Run.open(folder)
-    if run.robot.digest != bare.robot.digest:
-        raise Mismatch(
-            f"{folder}: was measured with another robot file than {bare.path}; choose another"
-            " folder with -o"
-        )
-    return run.planned

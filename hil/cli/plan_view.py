@@ -1,4 +1,4 @@
-"""Terminal output of a robot's parameters, a dry run and predicted precision.
+"""Plans on the command line: their files, and output of robot, dry run and predicted precision.
 
 Robot: Table 1, eq. (22) by group, and Table 2. Plan: duration, identifiability and precision; the
 last column of predictions is the torque of a standard deviation, relative to the limit.
@@ -7,18 +7,23 @@ last column of predictions is the torque of a standard deviation, relative to th
 from __future__ import annotations
 
 import math
+import os
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from hil.model.base_parameters import base_parameters
 from hil.model.dependencies import DIAGONAL, GRAVITY, OFF_DIAGONAL
+from hil.model.robot import ROBOTS
 from hil.planning.measurement import FOR_A_LAW
-from hil.planning.prediction.precision import IMPRECISE
+from hil.planning.plan import dump_plan, load_workspace, opened_plan, remarks
+from hil.planning.prediction.information import IMPRECISE
+from hil.runs.atomic_file import write_file
 from hil.show.rounding import clock, count, rounded, significant, unit
 from hil.show.table import Column, Marked, Part, figures, table
 from hil.show.terminal import show
-from hil.terminal.console import out, say
+from hil.terminal.console import give, out, say
 
 if TYPE_CHECKING:
     from collections.abc import Iterable
@@ -27,7 +32,9 @@ if TYPE_CHECKING:
 
     from hil.model.robot import Robot
     from hil.planning.dry_run import DryRun
-    from hil.planning.prediction.precision import Precision
+    from hil.planning.plan import Plan
+    from hil.planning.prediction.information import Precision
+    from hil.planning.workspace import Workspace
 
 
 _GROUP_TITLES = {
@@ -183,23 +190,23 @@ def _print_precision(
     """Print figures by group, effects on torques, and imprecise parameters."""
     base, what = base_parameters(robot), Column("meaning", folds=True)
     heads: tuple[str | Column, ...] = ("", what, *figures(*columns), "unit")
-    parts = [
-        Part(
-            tuple(
+    parts = []
+    for group, members in base.groups.items():
+        rows = []
+        for k in members:
+            effect = float(found.effect[k])
+            rows.append(
                 (
                     base.names[k],
                     base.meanings[k],
                     *(each[k] for each in columns.values()),
                     unit(base.units[k]),
-                    *_weight(found, k),
+                    significant(100 * effect, 2) if math.isfinite(effect) else "",
+                    Marked("imprecise" if found.imprecise[k] else ""),
                 )
-                for k in members
-            ),
-            _words(group),
-        )
-        for group, members in base.groups.items()
-        if members
-    ]
+            )
+        if members:
+            parts.append(Part(tuple(rows), _words(group)))
     show(table(title, (*heads, *figures("torque, %"), ""), parts), out)
     say(
         "torque: effect of one standard deviation, as a share of an axis's torque limit; "
@@ -217,8 +224,44 @@ def _figure(deviation: float) -> str:
     return rounded(deviation, deviation) if math.isfinite(deviation) else "not identifiable"
 
 
-def _weight(found: Precision, k: int) -> tuple[str, str]:
-    """Format the effect of a standard deviation, with a mark if imprecise."""
-    effect = float(found.effect[k])
-    figure = significant(100 * effect, 2) if math.isfinite(effect) else ""
-    return figure, Marked("imprecise" if found.imprecise[k] else "")
+def load(plan_file: Path, robot_file: str | None, workspace: Path | None) -> tuple[Plan, Robot]:
+    """Read a plan with robot and workspace; show remarks about the workspace.
+
+    Raises
+    ------
+    FileError
+        One of the files cannot be used, or the plan is of another robot.
+    """
+    the_plan, the_robot = opened_plan(plan_file, robot_file, workspace)
+    _show_remarks(the_plan.workspace, the_robot)
+    return the_plan, the_robot
+
+
+def load_guard(path: Path | None, robot: Robot) -> Workspace | None:
+    """Read the optional workspace of a new plan; show remarks.
+
+    Raises
+    ------
+    FileError
+        An unusable workspace file.
+    """
+    guard = None if path is None else load_workspace(path, robot)
+    _show_remarks(guard, robot)
+    return guard
+
+
+def _show_remarks(workspace: Workspace | None, robot: Robot) -> None:
+    for line in remarks(workspace, robot):
+        say(line, style="yellow")
+
+
+def write_plan(output: Path, designed: Plan, the_robot: Robot) -> None:
+    """Write a plan with the path of the robot file, and state the number of measurements."""
+    source = Path(the_robot.source)
+    if source.parent != ROBOTS:
+        file = Path(os.path.relpath(source.resolve(), output.resolve().parent)).as_posix()
+        remembered = designed.robot.model_copy(update={"file": file})
+        designed = designed.model_copy(update={"robot": remembered})
+    write_file(output, dump_plan(designed).encode())
+    give(plan=str(output), measurements=len(designed.measurements))
+    say(f"{count(len(designed.measurements), 'measurement')} in {output}")

@@ -1,32 +1,39 @@
-"""Commands `hil plan` and `hil dry-run`."""
+"""Commands `hil robot`, `hil twin`, `hil plan` and `hil dry-run`: what precedes a measurement."""
 
 from __future__ import annotations
 
 import math
 import re
+import subprocess
+import sys
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import typer
+from typer import Argument, Option
 
+from checked_files.errors import HilError
 from hil.cli.arguments import (
     BitRate,
     NoiseFrom,
     PlanFile,
     PlanWorkspace,
+    RobotName,
     RobotOption,
     RobotsDrives,
     WorkspaceOption,
+    group_of,
     robots,
     runs,
 )
-from hil.cli.outputs import NewPlan, page_option, show
+from hil.cli.outputs import NewPlan, folder_to_write, new_file, output_option, page_option, show
 from hil.planning import LONGEST
 from hil.terminal.console import say, working
 
 if TYPE_CHECKING:
     from hil.model.robot import Robot
+
 
 commands = typer.Typer()
 
@@ -46,7 +53,7 @@ def dry_run_(
 ) -> None:
     """Check a plan and predict its duration and precision; nothing moves."""
     from hil.cli import plan_view, viewing
-    from hil.cli.plan_files import load
+    from hil.cli.plan_view import load
     from hil.tasks.measuring import dry_run, refuse_problems
 
     if page is not None:
@@ -64,9 +71,9 @@ def dry_run_(
     if result.groups:
         from hil.estimation.excluded.foreseen import foreseen
         from hil.friction.ripple import ripple_left_out
-        from hil.planning.prediction.precision import predict
+        from hil.planning.prediction.information import predict
         from hil.results.tables import excluded
-        from hil.tasks.robot_drives import expected_of
+        from hil.tasks.measuring import expected_of
 
         with working("predicting the precision") as now:
             expected = expected_of(the_robot, noise_from, drives_file)
@@ -93,7 +100,7 @@ Criterion = Literal["condition", "singular", "det"]
 
 
 _strokes, _friction, _trajectory, _load = (
-    partial[Any](typer.Option, rich_help_panel=f"Options of --kind {kind}")
+    partial[Any](Option, rich_help_panel=f"Options of --kind {kind}")
     for kind in ("strokes", "friction", "trajectory", "load")
 )
 _count = partial(_strokes, min=1, max=2000)
@@ -105,7 +112,7 @@ def plan(
     output: NewPlan,
     name: Annotated[
         str | None,
-        typer.Argument(
+        Argument(
             metavar="ROBOT",
             help="Built-in robot or robot file; taken from the run with --refine and --kind load.",
             autocompletion=robots,
@@ -113,14 +120,14 @@ def plan(
     ] = None,
     kind: Annotated[
         Kind,
-        typer.Option(
+        Option(
             help="Measurements to plan: strokes for base parameters, sweeps for friction, a"
             " periodic trajectory, or slow strokes to estimate a load."
         ),
     ] = "strokes",
     minutes: Annotated[
         float | None,
-        typer.Option(
+        Option(
             min=0.1,
             max=LONGEST / 60,
             help="Duration of motion \\[min]; default 5 for a trajectory, 3 for a load; if "
@@ -128,12 +135,12 @@ def plan(
         ),
     ] = None,
     warm_up: Annotated[
-        float, typer.Option(min=0, max=LONGEST, help="Duration of motion before measuring \\[s].")
+        float, Option(min=0, max=LONGEST, help="Duration of motion before measuring \\[s].")
     ] = 0.0,
     workspace: PlanWorkspace = None,
     refine: Annotated[
         list[Path] | None,
-        typer.Option(
+        Option(
             metavar="RUN",
             help="Run to refine: more measurements of its least precise parameters, or faster "
             "strokes of a load; may be repeated.",
@@ -241,7 +248,7 @@ def plan(
     options = {key: given[key] for key in given if key not in {"name", "output", "kind"}}
     source = name or next(iter(refine or ()), None)
     with working("reading the robot") as now:
-        from hil.cli.plan_files import load_guard, write_plan
+        from hil.cli.plan_view import load_guard, write_plan
         from hil.model.robot import Robot, refuse_unknown
         from hil.runs.run import Run
 
@@ -281,3 +288,111 @@ def poses(robot: Robot, stated: list[str]) -> tuple[tuple[int, float], ...]:
         axis, at = int(fits[1]) - 1, float(fits[2])
         found.append((axis, math.radians(at) if robot.revolute[axis] else at))
     return tuple(found)
+
+
+robot_commands = typer.Typer(
+    cls=group_of("show"),
+    help="Show what can be identified of a robot, or write a first robot file.",
+    no_args_is_help=True,
+)
+commands.add_typer(robot_commands, name="robot")
+
+
+@robot_commands.command("show")
+def show_robot(name: RobotName) -> None:
+    """Show base parameters and where they occur in M and g; the default command."""
+    with working("reading the robot") as now:
+        from hil.cli import plan_view
+        from hil.model.base_parameters import base_parameters
+        from hil.model.robot import Robot
+
+        robot = Robot.load(name)
+        now(f"finding the base parameters of {robot.n_joints} joints")
+        base_parameters(robot)
+    plan_view.render_robot(robot)
+
+
+@robot_commands.command()
+def new(
+    output: Annotated[Path, output_option(new_file, "Robot file to write.")],
+    urdf: Annotated[
+        Path | None, Option("--urdf", help="URDF or MJCF; expand a xacro file first.")
+    ] = None,
+    dh: Annotated[
+        Path | None,
+        Option("--dh", help="Table of standard Denavit-Hartenberg parameters; CSV or YAML."),
+    ] = None,
+    mdh: Annotated[
+        Path | None,
+        Option("--mdh", help="Table of modified Denavit-Hartenberg parameters; CSV or YAML."),
+    ] = None,
+    base: Annotated[str | None, Option("--from", help="Base link; the root by default.")] = None,
+    tip: Annotated[
+        str | None,
+        Option(
+            "--to",
+            help="Last link, or several separated by commas; by default that of the"
+            " longest chain, or all of a tree.",
+        ),
+    ] = None,
+    gravity: Annotated[
+        tuple[float, float, float] | None,
+        Option(
+            metavar="X Y Z",
+            help="Gravity in the base link, or frame 0 \\[m/s2].",
+            show_default="9.81 along -z of the URDF's root, or of frame 0",
+        ),
+    ] = None,
+) -> None:
+    """Write a first robot file from a URDF, an MJCF or a table, and list what to fill in."""
+    from checked_files.yaml_file import UNSTATED
+    from hil.model.readers.robot_draft import draft_robot
+    from hil.runs.atomic_file import write_file
+
+    if sum(given is not None for given in (urdf, dh, mdh)) != 1:
+        raise typer.BadParameter("give one of --urdf, --dh and --mdh")
+    if urdf is None and (base or tip):
+        raise typer.BadParameter("--from and --to apply only to a URDF; omit both")
+    if urdf is not None:
+        from hil.model.robot import read_description
+
+        chain = read_description(urdf, base, tip)
+        joints = ", ".join(joint.name for joint in chain.joints)
+        about = f"{len(chain.joints)} joints from {chain.base} to {chain.tip}: {joints}"
+        found, rounded = "\n".join([about, *chain.not_taken]), chain.rounded
+        text = draft_robot(chain, gravity)
+    else:
+        from hil.model.readers.dh_table import read_dh
+
+        dh_table = read_dh(dh, "standard") if dh is not None else read_dh(str(mdh), "modified")
+        types = ", ".join(f"{joint.name} {joint.type}" for joint in dh_table.joints)
+        found = f"{len(dh_table.joints)} joints of a {dh_table.notation} table: {types}"
+        text, rounded = draft_robot(dh_table, gravity), dh_table.rounded
+    write_file(output, text.encode())
+    say(found)
+    if rounded > 0:
+        say(f"angles within {rounded:.2g} rad of a multiple of pi/2 were rounded to that multiple")
+    marks = text.count(f": {UNSTATED} ")
+    say(f"{output}: {marks} lines marked {UNSTATED} must be filled in by you")
+
+
+@commands.command()
+def twin(
+    name: RobotName,
+    output: Annotated[Path, output_option(folder_to_write, "Folder to write both files into.")],
+) -> None:
+    """Write a virtual plant of a robot and a drives file, for rehearsals."""
+    # the plant runs as a separate program: its arm model must stay independent of the tested model
+    with working("scaling a plant to the limits of the robot"):
+        from hil.model.robot import Robot
+
+        robot = Robot.load(name).source
+        made = subprocess.run(  # noqa: S603 - our own program, by its own name
+            [sys.executable, "-m", "sim_plant", "twin", robot, "--output", str(output)],
+            capture_output=True,
+            text=True,
+            check=False,
+        )
+    if made.returncode:
+        raise HilError(made.stderr.strip().removeprefix("sim_plant: "))
+    say(made.stdout.rstrip())

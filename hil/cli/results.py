@@ -8,6 +8,7 @@ from time import perf_counter
 from typing import TYPE_CHECKING, Annotated, Literal
 
 import typer
+from typer import Option
 
 from hil.cli.arguments import Masses, RunPath, RunPaths, Without, body_bounds, methods, runs
 from hil.cli.outputs import (
@@ -29,7 +30,7 @@ commands = typer.Typer()
 
 Method = Annotated[
     str | None,
-    typer.Option(
+    Option(
         help="Method of estimation; an unknown name lists all.",
         show_default="by the kind of recordings",
         autocompletion=methods,
@@ -37,7 +38,7 @@ Method = Annotated[
 ]
 Others = Annotated[
     list[Path] | None,
-    typer.Option(
+    Option(
         "--with",
         metavar="RUN",
         help="Additional run to identify jointly; may be repeated.",
@@ -46,7 +47,7 @@ Others = Annotated[
 ]
 Accuracy = Annotated[
     float,
-    typer.Option(
+    Option(
         min=0.1,
         max=100.0,
         help="Maximum residual for the verdict good, as a share of the axis's torque \\[%].",
@@ -62,26 +63,24 @@ def identify(
     without: Without = None,
     consistent: Annotated[
         bool,
-        typer.Option(
-            "--consistent", help="Also find the nearest physically consistent parameters."
-        ),
+        Option("--consistent", help="Also find the nearest physically consistent parameters."),
     ] = False,
     masses: Masses = None,
     prior: Annotated[
         str | None,
-        typer.Option(
+        Option(
             metavar="cad=SHARE",
             help="Relative uncertainty (1 sigma) of the inertials of --urdf, such as cad=0.3; a"
             " prior for parameters that the motion does not excite.",
         ),
     ] = None,
     urdf: Annotated[
-        Path | None, typer.Option(help="URDF of the robot with inertials, such as CAD exports.")
+        Path | None, Option(help="URDF of the robot with inertials, such as CAD exports.")
     ] = None,
     accuracy: Accuracy = 10.0,
     refine: Annotated[
         Literal["simulation"] | None,
-        typer.Option(
+        Option(
             metavar="simulation",
             help="Fit simulated to recorded positions, from the regression's model; kept if better"
             " on held-out recordings.",
@@ -182,9 +181,7 @@ def report(
     folder: RunPath,
     figures: Annotated[
         Path | None,
-        typer.Option(
-            callback=folder_to_write, help="Folder to write the plots into as SVG files, too."
-        ),
+        Option(callback=folder_to_write, help="Folder to write the plots into as SVG files, too."),
     ] = None,
     without: Without = None,
 ) -> None:
@@ -242,11 +239,11 @@ def friction(
     folder: RunPath,
     model: Annotated[
         Path | None,
-        typer.Option(help="Identified run, whose model compensates gravity.", autocompletion=runs),
+        Option(help="Identified run, whose model compensates gravity.", autocompletion=runs),
     ] = None,
     asymmetry: Annotated[
         float | None,
-        typer.Option(min=0, help="Maximum asymmetry, as a fraction of the friction level."),
+        Option(min=0, help="Maximum asymmetry, as a fraction of the friction level."),
     ] = None,
 ) -> None:
     """Fit friction laws to a run and test the symmetry of friction.

@@ -17,8 +17,7 @@ from hil.runs.atomic_file import locked
 from hil.runs.run_folder import RunFolder
 from hil.show.rounding import clock, count
 from hil.terminal.console import give, out, say
-from hil.terminal.interruption import interruptible, report
-from hil.terminal.keys import HINT, KeyboardStop
+from hil.terminal.keys import HINT, KeyboardStop, interruptible, report
 from hil.terminal.progress import shown
 
 if TYPE_CHECKING:
@@ -104,33 +103,24 @@ def carry_out(
         except Exception:
             folder.discard_if_empty()
             raise
-    say(_conclusion(folder, last, rehearsal))
-
-
-def _conclusion(folder: RunFolder, last: Event, rehearsal: float | None) -> str:
     if rehearsal is not None:
-        return (
+        say(
             f"all paths of the plan rehearsed at {rehearsal:.0%} of the speed limits; measure "
             "with the same command without --rehearse"
         )
+        return
     last = cast("Finished", last)  # the last event of measuring
     give(run=str(folder.path), measurements=last.recorded, with_findings=list(last.gave_up))
+    begun = ""
+    if not math.isnan(last.before_first):  # up to a minute of motion, the gears count as cold
+        minutes = last.before_first / 60
+        begun = ", begun cold" if minutes < 1 else f", begun after {minutes:.1f} min of motion"
     kept = f", {len(last.gave_up)} with findings: {', '.join(last.gave_up)}"
-    return (
+    say(
         f"{count(last.recorded, 'measurement')} in {folder.path}"
-        f" ({clock(last.time)} of robot time{_begun(last.before_first)})"
+        f" ({clock(last.time)} of robot time{begun})"
         f"{kept if last.gave_up else ''}; {folder.journal.sessions[-1].sync}"
     )
-
-
-def _begun(before: float) -> str:
-    """Describe the warm-up before the first kept recording; empty if there is none.
-
-    Up to a minute of motion, the gears count as cold.
-    """
-    if math.isnan(before):
-        return ""
-    return ", begun cold" if before < 60.0 else f", begun after {before / 60:.1f} min of motion"
 
 
 def _describe_rest(folder: RunFolder) -> str:

@@ -14,6 +14,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
+from typer import Option
 
 from hil.cli.outputs import new_folder, output_option, say_verdicts
 from hil.terminal.console import out, say, working
@@ -79,7 +80,7 @@ def try_(
     ] = None,
     live: Annotated[
         int,
-        typer.Option(
+        Option(
             metavar="PORT",
             min=0,
             max=65535,
@@ -87,17 +88,17 @@ def try_(
         ),
     ] = 0,
     no_browser: Annotated[
-        bool, typer.Option("--no-browser", help="Print the address and open no browser.")
+        bool, Option("--no-browser", help="Print the address and open no browser.")
     ] = False,
     speed: Annotated[
         float,
-        typer.Option(
+        Option(
             min=1, max=1000, help="Maximum speed of the simulation, as a multiple of real time."
         ),
     ] = 60.0,
     push: Annotated[
         float | None,
-        typer.Option(
+        Option(
             min=5,
             max=3600,
             help="Time for pushing the arm \\[s]; by default up to 90 s after the start.",
@@ -114,9 +115,9 @@ def try_(
     with ExitStack() as left:
         from tempfile import TemporaryDirectory
 
-        from hil.cli.live import Shown, listeners
+        from hil.cli.measuring import Shown, listeners
         from hil.live.audience import Audience
-        from hil.terminal.interruption import interruptible
+        from hil.terminal.keys import interruptible
 
         folder = _claim_folder(output)
         left.callback(lambda: _remove_if_empty(folder))

@@ -28,9 +28,8 @@ from hil.runs.journal import now
 from hil.runs.pooling import recorded
 from hil.show.charts.chart import MODEL, Chart, Line, Panel, Points, Rule
 from hil.show.charts.svg import file
-from hil.show.outcome import Outcome
+from hil.show.outcome import Outcome, Plot
 from hil.show.rounding import signed, uncertain
-from hil.show.section import Plot
 from hil.show.table import Table, figures, table
 from hil.version import __version__
 
@@ -44,12 +43,11 @@ if TYPE_CHECKING:
     from hil.model.robot import Robot
     from hil.planning.measurement import ElementKind
     from hil.runs.run import Run
-    from hil.show.table import Row
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Diagnosis:
-    """Diagnosis of one run; `phase` is None if no absent parameter shows in gravity torques."""
+    """Diagnosis of a run; `phase` is None if no absent parameter shows in gravity torques."""
 
     robot: Robot
     estimate: Estimate
@@ -159,23 +157,24 @@ def write_diagnosis(run: Run, found: Diagnosis) -> DiagnosisFile:
 
 def candidates(found: DiagnosisFile) -> Table:
     """Return the table of absent parameters, strongest evidence first."""
+    rows = []
+    for each in found.candidates[:SHOWN]:
+        beside = "" if each.beside is None else signed(f"{each.beside:.1f}")
+        rows.append(
+            (
+                each.label,
+                *uncertain(each.value, each.standard_error),
+                signed(f"{each.t:.1f}"),
+                f"{each.p_value:.1g}",
+                "found" if each.label in found.found else beside,
+            )
+        )
     return table(
         "Effects missing in the robot file, ranked by evidence",
         ("parameter", *figures("value", "std. error", "t", "p", "t, combined")),
-        (_candidate(each, found) for each in found.candidates[:SHOWN]),
+        rows,
         "t: value over standard error; p: probability of such a t by chance. Last column: t with "
         "the effects found added to the model; small for one that only resembles a found effect.",
-    )
-
-
-def _candidate(each: Candidate, found: DiagnosisFile) -> Row:
-    beside = "" if each.beside is None else signed(f"{each.beside:.1f}")
-    return (
-        each.label,
-        *uncertain(each.value, each.standard_error),
-        signed(f"{each.t:.1f}"),
-        f"{each.p_value:.1g}",
-        "found" if each.label in found.found else beside,
     )
 
 
@@ -291,6 +290,12 @@ def residuals_over_angles(
         for joint, turns in enumerate(robot.revolute):
             shown = np.array([value.q[joint] for value in own]) * (180 / np.pi if turns else 1e3)
             if np.ptp(shown) > 4.0:
+                low, high, ticks = float(shown.min()), float(shown.max()), None
+                if turns and high - low >= 150:  # marks at right angles
+                    step, room = 180 if high - low > 340 else 90, 0.05 * (high - low)
+                    every = range(math.floor(low / step), math.ceil(high / step) + 1)
+                    marks = (float(step * k) for k in every)
+                    ticks = {x: signed(f"{x:g}") for x in marks if low - room <= x <= high + room}
                 yield Panel(
                     (
                         Rule(0.0, colour=MODEL),
@@ -301,22 +306,7 @@ def residuals_over_angles(
                     x_label=f"$q_{{{joint + 1}}}$ [{'deg' if turns else 'mm'}]",
                     y_label=f"Δ${element}$ [{unit}]",
                     y_range=(-most, most),
-                    ticks=_right_angles(shown) if turns else None,
+                    ticks=ticks,
                     width=260.0,
                     height=95.0,
                 )  # fmt: skip
-
-
-def _right_angles(shown: Array) -> dict[float, str] | None:
-    """Return tick marks at right angles within the range of a joint."""
-    if np.ptp(shown) < 150:
-        return None
-    step = 180 if np.ptp(shown) > 340 else 90
-    first, last = int(np.floor(shown.min() / step)), int(np.ceil(shown.max() / step))
-    room = 0.05 * np.ptp(shown)
-    within = (step * k for k in range(first, last + 1))
-    return {
-        float(each): signed(f"{each}")
-        for each in within
-        if shown.min() - room <= each <= shown.max() + room
-    }

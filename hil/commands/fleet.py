@@ -39,9 +39,8 @@ from hil.results.model import Model
 from hil.results.model_file import NAME, ModelFile
 from hil.runs.run import Run
 from hil.show.charts.chart import MEASURED, MUTED, Line, Panel, Points
-from hil.show.outcome import Outcome, Verdict
+from hil.show.outcome import Outcome, Plot, Verdict
 from hil.show.rounding import unit
-from hil.show.section import Plot
 from hil.show.table import Column, Table, figures, table
 
 if TYPE_CHECKING:
@@ -81,7 +80,7 @@ def index(
     execute: Execute[Any, Any],
     progress: Callable[[str], object],
 ) -> Runs:
-    """Add the models of all runs below some folders to an index.
+    """Add the models of runs below some folders to an index.
 
     A run in ``FOLDER/MACHINE/.../model.yaml`` belongs to MACHINE, a run directly below the folder
     to the folder's name.
@@ -192,7 +191,7 @@ def identify_run(path: Path) -> tuple[bool, str]:
 
 
 def _models(folder: str) -> Iterator[ModelAddress]:
-    """Yield the addresses of all models below a folder."""
+    """Yield the addresses of models below a folder."""
     with needed_for(folder, EXTRA):
         import fsspec  # type: ignore[import-untyped]  # noqa: PLC0415 - an extra
     try:
@@ -218,36 +217,31 @@ def _models(folder: str) -> Iterator[ModelAddress]:
 
 def read_batch(models: list[ModelAddress]) -> tuple[dict[str, Any], list[str]]:
     """Return rows of models as Arrow tables by robot, and reasons for leaving models out."""
+    import fsspec  # noqa: PLC0415 - an extra
+
     rows: dict[str, list[tuple[Any, ...]]] = {}
     left_out = []
     for each in models:
+        place = each.address.removeprefix("file://")
         try:
-            digest, own = _read_rows(each)
+            if place != each.address:  # opened without fsspec, which expands '*' and '::' in names
+                text = read_text(place)
+            else:
+                try:
+                    files, path = fsspec.core.url_to_fs(each.address)
+                    text = files.cat_file(path).decode("utf-8-sig")
+                except (OSError, ValueError) as error:
+                    raise FileError(f"{place}: cannot be read: {error}") from error
+            file = parse_yaml(text, ModelFile, place, without=("local", "torque_effect"))
+            found = Model(**file.identified(Path(place)))
+            content = hashlib.sha256(text.encode()).hexdigest()
+            run = str(PurePosixPath(place).parent)
+            own = model_rows(found, each.machine, run, each.key, content)
         except FileError as error:
             left_out.append(str(error))
-        else:
-            rows.setdefault(digest, []).extend(own)
+            continue
+        rows.setdefault(found.provenance.robot_digest, []).extend(own)
     return {digest: table_of(own) for digest, own in rows.items() if own}, left_out
-
-
-def _read_rows(model: ModelAddress) -> tuple[str, list[tuple[Any, ...]]]:
-    """Return the digest of a model's robot, and the rows of the model."""
-    import fsspec  # noqa: PLC0415 - an extra
-
-    place = model.address.removeprefix("file://")
-    if place != model.address:  # opened without fsspec, which expands '*' and '::' in names
-        text = read_text(place)
-    else:
-        try:
-            files, path = fsspec.core.url_to_fs(model.address)
-            text = files.cat_file(path).decode("utf-8-sig")
-        except (OSError, ValueError) as error:
-            raise FileError(f"{place}: cannot be read: {error}") from error
-    file = parse_yaml(text, ModelFile, place, without=("local", "torque_effect"))
-    found = Model(**file.identified(Path(place)))
-    content = hashlib.sha256(text.encode()).hexdigest()
-    run = str(PurePosixPath(place).parent)
-    return found.provenance.robot_digest, model_rows(found, model.machine, run, model.key, content)
 
 
 def ask(fleets: dict[str, Fleet], rate: float) -> Outcome:
@@ -272,9 +266,21 @@ def ask(fleets: dict[str, Fleet], rate: float) -> Outcome:
     listed = [
         each._replace(against=each.against.rpartition(f"/{each.run}/")[2]) for each in changes
     ]
+    # machines with runs in several folders may be several machines
+    places: dict[str, set[str]] = {}
+    for fleet in fleets.values():
+        for k, run in zip(fleet.machine.tolist(), fleet.runs.tolist(), strict=True):
+            name = fleet.machines[k]
+            places.setdefault(name, set()).add(run.rpartition(f"/{name}/")[0])
+    remarks = [
+        f"machine {name}: runs below {' and '.join(sorted(folders))} count as one machine;"
+        " rename a folder if they are several, and write the index anew"
+        for name, folders in places.items()
+        if len(folders) > 1
+    ]
     return Outcome(
         (_fleets_table(fleets, tested, rate), changed_table(listed, "Deviations", "machine")),
-        remarks=tuple(_shared_names(fleets)),
+        remarks=tuple(remarks),
         verdicts=(Verdict("good" if word == "unchanged" else "doubtful", word, text),),
         plots=tuple(
             Plot(
@@ -288,21 +294,6 @@ def ask(fleets: dict[str, Fleet], rate: float) -> Outcome:
         ),
         title="Fleet",
     )
-
-
-def _shared_names(fleets: dict[str, Fleet]) -> Iterator[str]:
-    """Yield remarks on machines with runs in several folders, which may be several machines."""
-    places: dict[str, set[str]] = {}
-    for fleet in fleets.values():
-        for k, run in zip(fleet.machine.tolist(), fleet.runs.tolist(), strict=True):
-            name = fleet.machines[k]
-            places.setdefault(name, set()).add(run.rpartition(f"/{name}/")[0])
-    for name, folders in places.items():
-        if len(folders) > 1:
-            yield (
-                f"machine {name}: runs below {' and '.join(sorted(folders))} count as one machine;"
-                " rename a folder if they are several, and write the index anew"
-            )
 
 
 def _fleets_table(fleets: dict[str, Fleet], tested: dict[str, Deviations], rate: float) -> Table:

@@ -29,9 +29,8 @@ from hil.runs.journal import now
 from hil.runs.pooling import Pooled
 from hil.runs.run import Run
 from hil.show.charts.chart import MEASURED, MODEL, MUTED, Panel, Points
-from hil.show.outcome import Outcome, Verdict
+from hil.show.outcome import Outcome, Plot, Verdict
 from hil.show.rounding import signed, uncertain, unit
-from hil.show.section import Plot
 from hil.show.table import Column, Marked, Table, figures, table
 
 if TYPE_CHECKING:

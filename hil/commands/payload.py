@@ -23,9 +23,8 @@ from hil.results.findings import found_in
 from hil.results.load_file import DRAWN
 from hil.results.tables.parameters import NAMED
 from hil.show.charts.chart import MEASURED, MODEL, MUTED, Line, Panel, Points
-from hil.show.outcome import Outcome, Played, Verdict
+from hil.show.outcome import Outcome, Played, Plot, Verdict
 from hil.show.rounding import rounded, signed, uncertain, unit
-from hil.show.section import Plot
 from hil.show.table import Column, Table, figures, table
 
 if TYPE_CHECKING:

@@ -8,8 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from hil.show.charts.chart import MEASURED, MODEL, Line, Panel, Rule
-from hil.show.outcome import Outcome
-from hil.show.section import Plot
+from hil.show.outcome import Outcome, Plot
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping

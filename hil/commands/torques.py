@@ -19,9 +19,8 @@ from hil.runs.pooling import recorded
 from hil.show.charts.chart import MEASURED, MODEL, Band, Line, Panel, Rule
 from hil.show.charts.svg import number, text
 from hil.show.html import deflate
-from hil.show.outcome import Played
+from hil.show.outcome import Played, Plot
 from hil.show.rounding import when
-from hil.show.section import Plot
 from hil.view.along_motion import (
     concatenate_recordings,
     join_predictions,
@@ -35,7 +34,6 @@ if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping, Sequence
     from pathlib import Path
 
-    from hil.arrays import Array
     from hil.model.robot import Robot
     from hil.planning.measurement import RecordedMotion
     from hil.results.model import Model
@@ -74,24 +72,20 @@ def arm(robot: Robot, recording: Recording) -> Markup:
     scale = float((room / np.maximum(high - low, 1e-9)).min())
     at = MARGIN + (room - scale * (high - low)) / 2 + scale * (seen[..., :2] - low)
     at[..., 1] = HEIGHT - at[..., 1]
-    farthest_first = np.argsort(seen[..., 2].mean(axis=1), kind="stable")
-    drawn = "".join(_link(at[link], scale * radii[link]) for link in farthest_first)
+    links = []
+    for link in np.argsort(seen[..., 2].mean(axis=1), kind="stable"):  # the farthest first
+        path = "M{} {}L{} {}".format(*map(number, at[link].ravel().tolist()))
+        radius = scale * radii[link]
+        # a capsule with rim and highlight
+        for kind, width in (("rim", radius + 1.0), ("link", radius), ("lit", 0.55 * radius)):
+            links.append(f'<path class="{kind}" stroke-width="{number(2 * width)}" d="{path}"/>')
     numbers = "".join(
         text(float(x), float(y), str(axis), "middle joint")
         for axis, (x, y) in enumerate(at[:, 0], start=1)
     )
     box = f"0 0 {number(WIDTH)} {number(HEIGHT)}"
+    drawn = "".join(links)
     return Markup(f'<svg viewBox="{box}">{drawn}{numbers}</svg>')  # noqa: S704 - numbers alone
-
-
-def _link(ends: Array, radius: float) -> str:
-    """Draw a capsule with rim and highlight."""
-    path = "M{} {}L{} {}".format(*map(number, ends.ravel().tolist()))
-    layers = (("rim", radius + 1.0), ("link", radius), ("lit", 0.55 * radius))
-    return "".join(
-        f'<path class="{kind}" stroke-width="{number(2 * width)}" d="{path}"/>'
-        for kind, width in layers
-    )
 
 
 EACH = 400
@@ -168,7 +162,7 @@ def torque_chart(shown: Sequence[PredictedTorque], robot: Robot) -> Iterator[Pan
 def packed_recordings(
     robot: Robot, recordings: Sequence[Shown], parameters: Mapping[str, object] | None = None
 ) -> str:
-    """Return recordings in the compressed form of `hil.view.packed`; empty without recordings."""
+    """Return recordings in the compressed form of `hil.view.page`; empty without recordings."""
     if not recordings:
         return ""
     tracks = concatenate_recordings(robot, recordings, EACH * len(recordings))

@@ -24,9 +24,8 @@ from hil.results.provenance import KeptResult
 from hil.runs.run import Run
 from hil.runs.set_points import path_time
 from hil.show.charts.chart import GREEN, MUTED, PURPLE, Line, Panel
-from hil.show.outcome import Outcome, Verdict
+from hil.show.outcome import Outcome, Plot, Verdict
 from hil.show.rounding import significant
-from hil.show.section import Plot
 from hil.show.table import Part, Table, figures, table
 
 if TYPE_CHECKING:
@@ -264,7 +263,6 @@ def track(folder: Path, model: str, delay: float) -> Outcome:
 
 
 def _error_chart(runs: Mapping[str, Run], delay: float) -> Iterator[Panel]:
-    """Draw following errors over the first period, and below the errors with feed-forward."""
     robot = runs[PASSES[0]].robot
     lines: list[dict[str, Line]] = [{} for _ in range(robot.n_joints)]
     for name in PASSES:

@@ -12,9 +12,8 @@ from hil.commands.torques import model_and_run, played
 from hil.results.model import Model
 from hil.runs.pooling import recorded
 from hil.show.charts.chart import MEASURED, MODEL, Band, Line, Panel, Rule
-from hil.show.outcome import Outcome, Played
+from hil.show.outcome import Outcome, Played, Plot
 from hil.show.rounding import clock, significant
-from hil.show.section import Plot
 from hil.show.table import Table, figures, table
 
 if TYPE_CHECKING:
@@ -101,7 +100,7 @@ def watched(found: Watched) -> Table:
 
 
 def alarms(found: Watched, most: int = 20) -> Table:
-    """Return the table of the first alarms; the file holds all alarms."""
+    """Return the table of the first alarms; the file holds more."""
     units = {axis.axis: axis.unit for axis in found.axes}
     left = len(found.alarms) - most
     return table(

@@ -29,9 +29,8 @@ from hil.friction.equation import FEWEST, place
 from hil.least_squares.solving import inverse_root, solved
 from hil.least_squares.window import noise_gain
 from hil.model.base_parameters import base_parameters
-from hil.planning.prediction.information import shares
+from hil.planning.prediction.information import add_up, shares
 from hil.planning.prediction.noise import MINUTE, Noise, stated_noise
-from hil.planning.prediction.precision import add_up
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
@@ -40,8 +39,7 @@ if TYPE_CHECKING:
     from hil.estimation.signals import Signals
     from hil.model.robot import Robot
     from hil.planning.measurement import ElementMeasurement
-    from hil.planning.prediction.information import Share
-    from hil.planning.prediction.precision import Information
+    from hil.planning.prediction.information import Information, Share
 
     Prepared = Sequence[tuple[ElementMeasurement, Signals]]
 

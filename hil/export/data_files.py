@@ -121,7 +121,7 @@ WARMTH = {
 
 
 def write_friction(model: Model, origin: tuple[str, ...]) -> Exported:
-    """Return the friction of all axes as `friction.json`.
+    """Return the friction of the axes as `friction.json`.
 
     Raises
     ------
@@ -300,7 +300,7 @@ def write_ranges(model: Model, origin: tuple[str, ...], given: Given | None = No
 
 
 def _values(robot: SimulatedRobot) -> dict[str, list[object]]:
-    """Return the values of all joints, inertias about the centre in the order of `FULL`."""
+    """Return the values of the joints, inertias about the centre in the order of `FULL`."""
     friction = [joint.friction for joint in robot.joints]
     return {
         "mass": [joint.mass for joint in robot.joints],

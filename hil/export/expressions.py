@@ -151,7 +151,7 @@ class Count(NamedTuple):
 
 
 def needed(outputs: Iterable[Expression]) -> list[Expression]:
-    """Return all subexpressions of outputs, operands first."""
+    """Return the subexpressions of outputs, operands first."""
     found: dict[int, Expression] = {}
     waiting = list(outputs)
     while waiting:

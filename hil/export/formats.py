@@ -12,9 +12,8 @@ from hil.errors import NotEnoughData, UnknownName
 from hil.export.data_files import write_friction, write_json, write_ranges, write_ros2
 from hil.export.languages import write_c, write_python, write_st
 from hil.export.mjcf_file import write_mjcf
-from hil.export.recordings.job import Job
 from hil.export.recordings.mcap_file import write_mcap
-from hil.export.recordings.tables import write_csv, write_parquet
+from hil.export.recordings.tables import Job, write_csv, write_parquet
 from hil.export.urdf_file import write_urdf
 from hil.results.consistency import statements
 from hil.runs.atomic_file import file_errors, whole_folder

@@ -2,6 +2,10 @@
 
 The functions correspond to those of `hil.results.model.Model`, evaluate one sample at a time, and
 give the same numbers.
+
+Frames of the robot are expressions, and the Newton-Euler recursion gives the equations. Bodies are
+those on which base parameters are placed (`hil.model.base_parameters`): torques are right for any
+estimate, even with physically impossible single links.
 """
 
 from __future__ import annotations
@@ -13,25 +17,26 @@ from typing import TYPE_CHECKING, NamedTuple, cast
 
 import numpy as np
 
-from hil.export.expressions import Expression, Graph
-from hil.export.rigid_bodies import joints
+from hil.export.expressions import Expression, Graph, count
 from hil.friction.direction import STEP, STILL
 from hil.friction.law import SLOWEST
 from hil.friction.terms import BEND, DIRECTED
 from hil.friction.warmth import REFERENCE
 from hil.model.added_parameters import added_inertias
 from hil.model.base_parameters import base_parameters
-from hil.model.newton_euler import rigid_bodies
+from hil.model.frames import cos_sin
+from hil.model.newton_euler import Joint, rigid_bodies
 from hil.results.identified_robot import known_friction
 from hil.results.samples import known_warmth
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from hil.export.rigid_bodies import Scalar
+    from hil.export.expressions import Count
     from hil.friction.law import AxisLaw
     from hil.model.robot import Robot
     from hil.results.model import Model
+
 
 Vector = list[Expression]
 At = tuple[int, Expression, Expression, Expression]
@@ -183,7 +188,6 @@ class _Equations:
         return [column[axis] for axis in range(len(q)) for column in columns]
 
     def mass_matrix(self, q: Vector) -> list[Scalar]:
-        """Return the mass matrix, computed by columns."""
         n = len(q)
         still, chain = [0.0] * n, joints(self._graph, self._robot, q)
         columns = []
@@ -250,7 +254,6 @@ class _Equations:
     friction_at_warmth = friction
 
     def warmth_rate(self, qd: Vector, warmth: Vector) -> list[Scalar]:
-        """Return the rate of change of warmth; 0 for axes without identified warmth."""
         found: list[Scalar] = []
         for each, speed, w in zip(known_friction(self._model).axes, qd, warmth, strict=True):
             if each is None or each.warmth is None:
@@ -262,7 +265,6 @@ class _Equations:
         return found
 
     def torque(self, q: Vector, qd: Vector, qdd: Vector) -> list[Scalar]:
-        """Return the sum of all torque parts of the model."""
         load = [self._graph.lift(each) for each in self.rigid_bodies(q, qd, qdd)]
         reflected = self._robot.reflected_inertia.tolist()
         found = [tau + inertia * dv for tau, inertia, dv in zip(load, reflected, qdd, strict=True)]
@@ -351,3 +353,52 @@ def shares_of_current(robot: Robot) -> list[list[float]] | None:
     shares = np.linalg.inv(robot.motor_matrix.T) / robot.torque_constant[:, np.newaxis]
     rounded = np.where(np.abs(shares) < 1e-14 * np.abs(shares).max(), 0.0, shares)
     return cast("list[list[float]]", rounded.tolist())
+
+
+Scalar = Expression | float
+_RIGHT = {(1.0, 0.0), (0.0, 1.0), (-1.0, 0.0), (0.0, -1.0)}
+"""Cosine and sine of multiples of a right angle."""
+
+
+def joints(graph: Graph, robot: Robot, q: Sequence[Expression]) -> list[Joint]:
+    """Return the frames of a robot at positions q."""
+    return [_joint(graph, robot, j, position) for j, position in enumerate(q)]
+
+
+def _joint(graph: Graph, robot: Robot, j: int, q: Expression) -> Joint:
+    ca, sa = cos_sin(float(robot.alpha[j]))
+    theta, shift, d = float(robot.theta[j]), float(robot.r[j]), float(robot.d[j])
+    revolute = bool(robot.revolute[j])
+    length: Scalar = shift if revolute else q + shift
+    c, s = _turned(graph, theta, q) if revolute else cos_sin(theta)
+    (cg, sg), b = cos_sin(float(robot.gamma[j])), float(robot.b[j])
+    x, y, z = d, -sa * length, ca * length
+    arm = cg * x - sg * y, sg * x + cg * y, z + b
+    return Joint(ca, sa, c, s, arm, revolute, robot.parents[j], cg, sg)
+
+
+def _turned(graph: Graph, theta: float, q: Expression) -> tuple[Scalar, Scalar]:
+    """Return cosine and sine of q + theta; at right angles they are those of q."""
+    exact = cos_sin(theta)
+    if exact not in _RIGHT:
+        return graph.function("cos", q + theta), graph.function("sin", q + theta)
+    cosine, sine = graph.function("cos", q), graph.function("sin", q)
+    return exact[0] * cosine - exact[1] * sine, exact[0] * sine + exact[1] * cosine
+
+
+def count_whole_links(robot: Robot) -> Count:
+    """Count the operations for a robot with general links; functions are sines and cosines."""
+    graph, n = Graph(), robot.n_joints
+
+    def symbols(name: str, size: int) -> list[Expression]:
+        return [graph.symbol(f"{name}{k}") for k in range(size)]
+
+    tree = []
+    for j, revolute in enumerate(robot.revolute.tolist()):
+        ca, sa, c, s, x, y, z = symbols(f"frame{j}_", 7)
+        tree.append(Joint(ca, sa, c, s, (x, y, z), revolute, robot.parents[j]))
+    bodies = [symbols(f"body{j}_", 10) for j in range(n)]
+    earth = 0.3, 0.4, -9.8  # along no axis of the base frame
+    found = rigid_bodies(tree, bodies, symbols("qd", n), symbols("qdd", n), earth)
+    operations = count([graph.lift(each) for each in found])
+    return operations._replace(functions=2 * int(robot.revolute.sum()))

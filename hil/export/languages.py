@@ -164,7 +164,6 @@ def write_c(model: Model, origin: tuple[str, ...]) -> Exported:
 
 
 def _operations(functions: Iterable[Function]) -> set[str]:
-    """Return the names of the operations in functions."""
     return {each.operation for function in functions for each in needed(function.results)}
 
 

@@ -274,7 +274,7 @@ class _Urdf:
         )
 
     def _stated(self, k: int) -> list[tuple[str, Array, Array]]:
-        """Return a link and all links on it: name, pose in the joint's frame, parameters."""
+        """Return a link with all carried links: name, pose in the joint's frame, parameters."""
         reader, links = self._given.reader, {joint.link for joint in self.chain.joints}
         return [
             (name, pose, body)
@@ -343,8 +343,6 @@ class _Urdf:
 
 
 class _Mjcf:
-    """MJCF with its included files."""
-
     def __init__(self, path: Path, robot: Robot) -> None:
         from hil.model.readers.mjcf import read_chains  # noqa: PLC0415 - MuJoCo is an extra
 
@@ -404,7 +402,7 @@ class _Mjcf:
         return body
 
     def _parts(self, body: int) -> Iterator[tuple[int, Array, Array]]:
-        """Yield a body and all bodies on it: number, pose in the joint's frame, parameters."""
+        """Yield a body with all carried bodies: number, pose in the joint's frame, parameters."""
         model = self._model
         heavy = np.flatnonzero(model.body_mass > 0).tolist()
         on_it = [each for each in heavy if self._carrier(each) == body]

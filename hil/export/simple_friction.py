@@ -124,7 +124,7 @@ class SimpleFriction:
 
 
 def simple_friction(model: Model, warmth: float | None = None) -> tuple[SimpleFriction, ...]:
-    """Return the friction of all axes with a known law in the models of simulators.
+    """Return the friction of axes with a known law in the models of simulators.
 
     Parameters
     ----------

@@ -12,7 +12,7 @@ from collections import Counter
 from typing import TYPE_CHECKING, NamedTuple
 
 from hil.export.expressions import count, needed
-from hil.export.rigid_bodies import count_whole_links
+from hil.export.functions import count_whole_links
 from hil.export.simple_friction import presliding_left_out
 from hil.model.base_parameters import base_parameters
 from hil.results.identified_robot import lacking

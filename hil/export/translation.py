@@ -176,7 +176,6 @@ class Translator:
         return text if isinstance(node, simple) else f"({text})"
 
     def _place(self, node: ast.expr) -> str:
-        """Return the text of an element of an array of constants or of the state."""
         indices: list[str] = []
         while isinstance(node, ast.Subscript):
             indices.insert(0, self.text(node.slice))

@@ -1,4 +1,4 @@
-"""Model as a URDF, new or updated: inertials, limits, damping and friction of all joints.
+"""Model as a URDF, new or updated: inertials, limits, damping and friction of the joints.
 
 Without a URDF of the robot a new one is made, of links and joints alone. With a URDF, the chain
 with the model's frames is found. Everything in the file stays unchanged, shapes and meshes, limits
@@ -165,13 +165,12 @@ def _link_faults(reader: UrdfReader, link: str) -> Iterator[str]:
 
 
 def _fault(reader: UrdfReader, link: str, what: str) -> str:
-    """Return a fault with file, line and name of a link."""
     element, inertial = reader.links[link], reader.links[link].find("inertial")
     return str(reader.file.wrong(element if inertial is None else inertial, f"link {link!r}{what}"))
 
 
 def body_of(reader: UrdfReader, link: str) -> Array | None:
-    """Return the sum of the bodies of all attached links in a link's frame; None without any.
+    """Return the sum of the bodies of attached links in a link's frame; None without any.
 
     Raises
     ------

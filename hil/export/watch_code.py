@@ -52,8 +52,6 @@ GIVEN = (
 
 
 class _Parts(NamedTuple):
-    """Parts of the code, in every language."""
-
     name: str
     model: Model
     found: Watched
@@ -62,7 +60,6 @@ class _Parts(NamedTuple):
     arrays: dict[str, Constant]
 
     def shape(self, field: Field) -> list[int]:
-        """Return the dimensions of a field."""
         n, p = self.numbers["joints"], self.numbers["parameters"]
         sizes = self.numbers | {"three": 3, "rows": n * p}
         return [int(sizes[each]) for each in field.shape]
@@ -91,7 +88,6 @@ def write_watch(model: Model, name: str, origin: tuple[str, ...], found: Watched
 
 
 def _c(parts: _Parts) -> dict[str, str]:
-    """Return the header of C: state, start and sample."""
     name, upper = parts.name, parts.name.upper()
     language = Language(
         syntax=c_syntax(name),
@@ -153,7 +149,6 @@ def _brackets(indices: Iterable[str]) -> str:
 
 
 def _c_array(name: str, array: str, constant: Constant) -> str:
-    """Return a constant array of C with unit and meaning."""
     values = np.array(constant.value)
     kind = "int" if values.dtype.kind == "i" else f"{name}_real"
     head = f"static const {kind} {name}_watch_{array}{_brackets(map(str, values.shape))} ="
@@ -169,7 +164,6 @@ def _c_array(name: str, array: str, constant: Constant) -> str:
 
 
 def _python(parts: _Parts) -> dict[str, str]:
-    """Return the module of Python: class `Watch`."""
     empty = {"float": "0.0", "int": "0", "bool": "False"}
     fields = [
         f"self.{field} = _array({', '.join([empty[each.kind], *map(str, parts.shape(each))])})"
@@ -225,7 +219,6 @@ class Watch:
 
 
 def _st(parts: _Parts) -> dict[str, str]:
-    """Return the function block of structured text."""
     name, n = parts.name, int(parts.numbers["joints"])
     blocks = {each.name: each for each in (rigid(parts.model), regressor(parts.model))}
     kinds: dict[str, str] = {}
@@ -321,7 +314,6 @@ def _st_array(parts: _Parts, field: Field, kind: str) -> str:
 
 
 def _st_constant(constant: Constant) -> str:
-    """Return type and value of a constant array, row by row."""
     values = np.array(constant.value)
     whole = values.dtype.kind == "i"
     # the sign of an initial value belongs to the number

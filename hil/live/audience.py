@@ -14,7 +14,7 @@ import typer
 
 from hil.live.listener import ANSWERS, encode
 from hil.terminal.console import say
-from hil.terminal.interruption import STATUS, interrupt_main
+from hil.terminal.keys import STATUS, interrupt_main
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Mapping, Sequence
@@ -79,7 +79,14 @@ class Audience:
             yield
         except BaseException as error:
             self.pass_on()  # the last line ends the output
-            self.publish("end", _describe_end(error))
+            by_operator = isinstance(error, typer.Exit) and error.exit_code == STATUS
+            how, text = "failed", str(error) or type(error).__name__
+            if isinstance(error, KeyboardInterrupt) or by_operator:
+                how, text = "stopped", "stopped by the operator"
+            # rich raises SystemExit for a broken pipe
+            elif isinstance(error, (BrokenPipeError, SystemExit)):
+                how, text = "stopped", "the output of the terminal was closed"
+            self.publish("end", {"how": how, "text": text})
             raise
         else:
             # end listeners with pending answers, and forward the answers
@@ -117,15 +124,3 @@ class Audience:
             if listener.gone and listener.what not in self._missed:
                 self._missed.add(listener.what)
                 self._say(f"{listener.what} has ended; the run continues without it")
-
-
-def _describe_end(error: BaseException) -> dict[str, str]:
-    """Describe the end of a run left by an exception."""
-    if isinstance(error, KeyboardInterrupt) or (
-        isinstance(error, typer.Exit) and error.exit_code == STATUS
-    ):
-        return {"how": "stopped", "text": "stopped by the operator"}
-    # rich raises SystemExit for a broken pipe
-    if isinstance(error, (BrokenPipeError, SystemExit)):
-        return {"how": "stopped", "text": "the output of the terminal was closed"}
-    return {"how": "failed", "text": str(error) or type(error).__name__}

@@ -150,7 +150,12 @@ class Feed:
             self._learning = watcher.learning
             if self._hand:
                 self.publish("hand", {"closed": _NOT_YET if watcher.learning else ""})
-            self.publish("headline", self._state_of(watcher))
+            text = "Push the arm: drag a link" if self._hand else "Watching: no push so far"
+            more = _WATCHING
+            if watcher.learning:
+                text = f"Learning how torques scatter, {watcher.required:.0f} s of motion: do not"
+                text, more = f"{text} push", _LEARNING
+            self.publish("headline", {"text": text, "more": more})
         begun = watcher.alarms[self._alarms :]
         self._alarms += len(begun)
         if not begun:
@@ -163,13 +168,6 @@ class Feed:
         size = f"{clearest.torque:.3g}".replace("-", "\N{MINUS SIGN}")
         text = f"Push found: axis {clearest.axis}, {size} {watcher.unit(clearest)}"
         self.publish("headline", {"text": text, "more": _FOUND})
-
-    def _state_of(self, watcher: Watcher) -> lines.Line:
-        if watcher.learning:
-            text = f"Learning how torques scatter, {watcher.required:.0f} s of motion: do not push"
-            return {"text": text, "more": _LEARNING}
-        text = "Push the arm: drag a link" if self._hand else "Watching: no push so far"
-        return {"text": text, "more": _WATCHING}
 
 
 class FedBus(BusInFront):

@@ -75,70 +75,49 @@ class RosLines:
             self._joints = line["robot"]["joints"]
             self._names = [f"joint{k}" for k in range(1, len(self._joints) + 1)]
         elif line["kind"] == "sample":
-            yield from self._sample(line, stamp)
-        else:
-            self._note(line)
-            for level, text in _log_entries(line):
-                about = line.get("measurement", "run")
-                yield Said("/events", stamp, self._messages.log(stamp, level, about, text))
+            q, tau = ([nan if x is None else x for x in line[key]] for key in ("q", "tau"))
+            state = self._messages.joint_state(stamp, self._names, q, tau)
+            yield Said("/joint_states", stamp, state)
+            values = {"bus time [s]": f"{line['t']:.4f}", "state": _STATES[self._level]}
+            found = [ros.Diagnosis("run", self._level, self._doing, values)]
+            each = zip(self._names, self._joints, q, tau, line["flags"], strict=True)
+            for name, joint, position, torque, flags in each:
+                limit, unit = joint["torque"], joint["torque_unit"]
+                values = {
+                    f"position [{joint['unit']}]": f"{position:.6g}",
+                    f"torque [{unit}]": f"{torque:.6g}",
+                }
+                if limit is not None:
+                    values[f"torque limit [{unit}]"] = f"{limit:g}"
+                    values["share of the torque limit [%]"] = f"{100 * abs(torque) / limit:.1f}"
+                remarks = [text for flag, text in _REMARKS.items() if flags & flag]
+                level = ros.WARNING if remarks and self._level == ros.OK else self._level
+                text = "; ".join(remarks) or _STATES[self._level]
+                found.append(ros.Diagnosis(f"run: {name}", level, text, values))
+            yield Said("/diagnostics", stamp, self._messages.diagnostics(stamp, found))
+        elif entry := self._log_entry(line):
+            about = line.get("measurement", "run")
+            yield Said("/events", stamp, self._messages.log(stamp, entry[0], about, entry[1]))
 
-    def _note(self, line: dict[str, Any]) -> None:
-        """Update the state of the run."""
+    def _log_entry(self, line: dict[str, Any]) -> tuple[int, str] | None:
+        """Update the state of the run; return level and text for the log, if any."""
         match line["kind"]:
-            case "armed":
-                self._level = ros.OK
-            case "off" if self._level != ros.FAULT:
-                self._level = ros.STALE
-            case "fault":
-                self._level = ros.FAULT
             case "event":
                 self._doing = line["doing"]
-
-    def _sample(self, line: dict[str, Any], stamp: int) -> Iterator[Said]:
-        q, tau = ([nan if x is None else x for x in line[key]] for key in ("q", "tau"))
-        state = self._messages.joint_state(stamp, self._names, q, tau)
-        yield Said("/joint_states", stamp, state)
-        values = {"bus time [s]": f"{line['t']:.4f}", "state": _STATES[self._level]}
-        run = ros.Diagnosis("run", self._level, self._doing, values)
-        axes = [
-            self._axis(*each)
-            for each in zip(range(len(q)), self._joints, q, tau, line["flags"], strict=True)
-        ]
-        yield Said("/diagnostics", stamp, self._messages.diagnostics(stamp, [run, *axes]))
-
-    def _axis(
-        self, axis: int, joint: dict[str, Any], q: float, tau: float, flags: int
-    ) -> ros.Diagnosis:
-        limit = joint["torque"]
-        values = {
-            f"position [{joint['unit']}]": f"{q:.6g}",
-            f"torque [{joint['torque_unit']}]": f"{tau:.6g}",
-        }
-        if limit is not None:
-            values[f"torque limit [{joint['torque_unit']}]"] = f"{limit:g}"
-            values["share of the torque limit [%]"] = f"{100 * abs(tau) / limit:.1f}"
-        remarks = [text for flag, text in _REMARKS.items() if flags & flag]
-        level = ros.WARNING if remarks and self._level == ros.OK else self._level
-        text = "; ".join(remarks) or _STATES[self._level]
-        return ros.Diagnosis(f"run: {self._names[axis]}", level, text, values)
-
-
-def _log_entries(line: dict[str, Any]) -> Iterator[tuple[int, str]]:
-    """Yield level and text of a line for the log."""
-    match line["kind"]:
-        case "event":
-            yield (ros.WARN, line["notice"]) if line["notice"] else (ros.INFO, line["doing"])
-        case "armed":
-            yield ros.INFO, f"{len(line['axes'])} axes are under power"
-        case "off":
-            yield ros.INFO, "the axes are stopped and without power"
-        case "note":
-            yield ros.WARN, line["text"]
-        case "fault":
-            yield ros.ERROR, line["text"]
-        case "end":
-            level = ros.ERROR if line["how"] == "failed" else ros.INFO
-            yield level, ": ".join(filter(None, (line["how"], line["text"])))
+                return (ros.WARN, line["notice"]) if line["notice"] else (ros.INFO, line["doing"])
+            case "armed":
+                self._level = ros.OK
+                return ros.INFO, f"{len(line['axes'])} axes are under power"
+            case "off":
+                self._level = ros.FAULT if self._level == ros.FAULT else ros.STALE
+                return ros.INFO, "the axes are stopped and without power"
+            case "note" | "fault" as kind:
+                self._level = ros.FAULT if kind == "fault" else self._level
+                return ros.ERROR if kind == "fault" else ros.WARN, line["text"]
+            case "end":
+                level = ros.ERROR if line["how"] == "failed" else ros.INFO
+                return level, ": ".join(filter(None, (line["how"], line["text"])))
+        return None
 
 
 OPTION, EXTRA = "--foxglove", "foxglove"

@@ -41,7 +41,6 @@ if TYPE_CHECKING:
 
     from hil.arrays import Array
     from hil.estimation.condensed import Stacked
-    from hil.estimation.signals import Signals
     from hil.least_squares.blocks import Blocks
     from hil.live.lines import Line
     from hil.model.robot import Robot
@@ -83,8 +82,15 @@ class Interim:
             stacks = stack(self._robot, motion, s)
         except NotEnoughData:
             return
-        lines_of = _measured if self._open.any() else self._predict
-        yield from (lines_of(motion, each, s) for axes in stacks for each in axes)
+        for each in (stacked for axes in stacks for stacked in axes):
+            predicted = band = np.full(len(each.torques), np.nan)
+            if not self._open.any():
+                predicted, band = self._predict(motion, each)
+            drawn = slice(None, None, -(-len(band) // POINTS))
+            measured = each.torques.sum(axis=1)
+            columns = (column[drawn, np.newaxis] for column in (measured, predicted, band))
+            time = s.time[each.index[drawn]]
+            yield lines.torque([each.axis], time, *columns, measurement=motion.id)
         if any(stacks):
             self._blocks.append(condensed_blocks(self._robot, stacks).drop(ROTOR))
 
@@ -108,7 +114,7 @@ class Interim:
         recordings = sum(map(len, self._blocks))
         return estimate_line(self._robot, self._free, recordings, self._p, half, ~self._open)
 
-    def _predict(self, motion: RecordedMotion, each: Stacked, s: Signals) -> Line:
+    def _predict(self, motion: RecordedMotion, each: Stacked) -> tuple[Array, Array]:
         A, y = each.X[:, : each.n_base], each.torques[:, 0]
         common = each.X[:, [each.n_base + k for k in ASYMMETRIC]]
         basis, _ = orthonormal(np.hstack([each.friction, common]))
@@ -119,21 +125,7 @@ class Interim:
         noise = sorted(before)[(len(before) - 1) // 2] if before else np.inf
         band = 1.96 * np.sqrt(variance + noise)
         before.append(float(np.mean((y + each.torques[:, 1] - predicted) ** 2)))
-        return _torque_line(motion, each, s, predicted, band)
-
-
-def _measured(motion: RecordedMotion, each: Stacked, s: Signals) -> Line:
-    unknown = np.full(len(each.torques), np.nan)
-    return _torque_line(motion, each, s, unknown, unknown)
-
-
-def _torque_line(
-    motion: RecordedMotion, each: Stacked, s: Signals, predicted: Array, band: Array
-) -> Line:
-    drawn = slice(None, None, -(-len(band) // POINTS))
-    columns = (column[drawn, np.newaxis] for column in (each.torques.sum(axis=1), predicted, band))
-    time = s.time[each.index[drawn]]
-    return lines.torque([each.axis], time, *columns, measurement=motion.id)
+        return predicted, band
 
 
 def estimate_line(

@@ -35,7 +35,7 @@ level
     over all recordings so far ``count``, ``least`` and ``most``.
 torque
     Measured and predicted torque. ``axes``: from 0; ``torque``, ``predicted`` and ``band``: for
-    each axis a track that continues the previous one (`hil.view.packed`), in time of the bus. The
+    each axis a track that continues the previous one (`hil.view.page`), in time of the bus. The
     band around the predicted torque contains 95 % of normal torques. ``measurement``: id of the
     recording, or "" for a watched run.
 estimate
@@ -64,7 +64,7 @@ import numpy as np
 from hil.measuring.events import AboutMeasurement
 from hil.planning.measurement import KINDS
 from hil.terminal.progress import doing, notice
-from hil.view.packed import Track
+from hil.view.page import Track
 from hil.view.visuals import robot_data, workspace_data
 
 if TYPE_CHECKING:

@@ -84,12 +84,17 @@ class Listener:
         """
         if self._process is not None:
             return
+        # the package may be run without installation
+        environment, root = dict(os.environ), str(Path(__file__).parents[2])
+        if root != sysconfig.get_path("purelib"):
+            path = filter(None, (root, os.environ.get("PYTHONPATH")))
+            environment["PYTHONPATH"] = os.pathsep.join(path)
         self._process = subprocess.Popen(  # noqa: S603 - our own program
             self._command,
             stdin=subprocess.PIPE,
             stdout=subprocess.PIPE,
             stderr=subprocess.DEVNULL,
-            env=_environment(),
+            env=environment,
             start_new_session=True,
             bufsize=0,
         )
@@ -186,15 +191,6 @@ class Listener:
                     stop()
         self._first.put({"text": f"{self.what} ended before it was ready"})
         self.gone = True
-
-
-def _environment() -> dict[str, str]:
-    """Return the environment with a path to the package, even if not installed."""
-    root = str(Path(__file__).parents[2])
-    if root == sysconfig.get_path("purelib"):
-        return dict(os.environ)
-    path = filter(None, (root, os.environ.get("PYTHONPATH")))
-    return {**os.environ, "PYTHONPATH": os.pathsep.join(path)}
 
 
 def begin_listening() -> Callable[..., None]:

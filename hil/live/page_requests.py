@@ -120,13 +120,9 @@ def is_ours(connection: socket.socket) -> bool:
         return True
     found = next((line.split() for line in lines if wanted in line), [b"0"] * 10)
     owner, inode = int(found[7]), found[9]
-    return inode != b"0" and owner in _users()
-
-
-@cache
-def _users() -> frozenset[int]:
     caller = os.environ.get("SUDO_UID", "")
-    return frozenset({0, os.getuid(), *([int(caller)] if caller.isdecimal() else [])})
+    users = {0, os.getuid(), *([int(caller)] if caller.isdecimal() else [])}
+    return inode != b"0" and owner in users
 
 
 def _format_address(family: int, address: str, port: int) -> str:
@@ -247,7 +243,9 @@ class Requests(BaseHTTPRequestHandler):
             content = page.replace(HEADLINE.format("").encode(), headline.encode())
             self._answer(HTTPStatus.OK, kind, content)
         elif place in FILES:
-            self._file(*FILES[place])
+            kind, files = FILES[place]
+            compressed = "gzip" in self.headers.get("Accept-Encoding", "")
+            self._answer(HTTPStatus.OK, kind, _content(files, compressed), compressed)
         elif place == "report" and self.site.report and Path(self.site.report).is_file():
             self._answer(
                 HTTPStatus.OK,
@@ -280,20 +278,17 @@ class Requests(BaseHTTPRequestHandler):
         elif place == "push" and (reason := self.site.streams.closed):
             self._text(HTTPStatus.CONFLICT, reason)
         elif place == "push":
-            self._push(body)
+            try:
+                with socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM) as hand:
+                    hand.setblocking(False)
+                    hand.sendto(body, self.site.hand)
+            except OSError:  # the plant is between two runs, or its queue is full
+                self._text(HTTPStatus.SERVICE_UNAVAILABLE, "the arm cannot be pushed now")
+            else:
+                self._text(HTTPStatus.ACCEPTED, "pushed")
         else:
             self.site.stop()
             self._text(HTTPStatus.ACCEPTED, "the axes are being stopped")
-
-    def _push(self, body: bytes) -> None:
-        try:
-            with socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM) as hand:
-                hand.setblocking(False)
-                hand.sendto(body, self.site.hand)
-        except OSError:  # the plant is between two runs, or its queue is full
-            self._text(HTTPStatus.SERVICE_UNAVAILABLE, "the arm cannot be pushed now")
-        else:
-            self._text(HTTPStatus.ACCEPTED, "pushed")
 
     def version_string(self) -> str:
         """Return a server name without versions."""
@@ -303,7 +298,6 @@ class Requests(BaseHTTPRequestHandler):
         """Suppress log messages, since the terminal belongs to the run."""
 
     def _place(self) -> str | None:
-        """Return the requested place; None after a refusal."""
         host = self.headers.get("Host", "")
         origin = self.headers.get("Origin")
         if not self.site.secret and not _ours(host):
@@ -326,10 +320,6 @@ class Requests(BaseHTTPRequestHandler):
             )
             return None
         return place
-
-    def _file(self, kind: str, files: tuple[Path, ...]) -> None:
-        compressed = "gzip" in self.headers.get("Accept-Encoding", "")
-        self._answer(HTTPStatus.OK, kind, _content(files, compressed), compressed)
 
     def _text(self, status: HTTPStatus, text: str) -> None:
         self._answer(status, "text/plain; charset=utf-8", f"{text}\n".encode())
@@ -360,7 +350,6 @@ class _Answer(io.BufferedIOBase):
         self._connection = connection
 
     def writable(self) -> bool:
-        """Return True."""
         return True
 
     def write(self, content: Buffer) -> int:
@@ -402,14 +391,7 @@ def _ours(host: str) -> bool:
     try:
         parts = urlsplit(f"//{host}")
         parts.port  # noqa: B018 - raises for what is no number
-        return parts.hostname == "localhost" or _is_address(parts.hostname or "")
+        name = parts.hostname or ""
+        return name == "localhost" or bool(ipaddress.ip_address(name))
     except ValueError:
         return False
-
-
-def _is_address(name: str) -> bool:
-    try:
-        ipaddress.ip_address(name)
-    except ValueError:
-        return False
-    return True

@@ -120,18 +120,16 @@ class PageServer(ThreadingHTTPServer):
         except (OSError, TooLarge):
             self._leave(incoming)
         else:
-            if data is not None:
-                self._forget(incoming)
-                self._dispatch(Whole(incoming.connection, data))
-
-    def _dispatch(self, request: Whole) -> None:
-        """Answer at once, or in a free thread if the answer takes time."""
-        if not takes_time(request.data, self._site):
-            self.process_request_thread(cast("Any", request), None)
-        elif self._free.acquire(blocking=False):
-            Thread(target=self._answer, args=(request,), daemon=True).start()
-        else:
-            self._close(request.connection, _BUSY)
+            if data is None:
+                return
+            self._forget(incoming)
+            request = Whole(incoming.connection, data)
+            if not takes_time(data, self._site):
+                self.process_request_thread(cast("Any", request), None)
+            elif self._free.acquire(blocking=False):
+                Thread(target=self._answer, args=(request,), daemon=True).start()
+            else:
+                self._close(request.connection, _BUSY)
 
     def _answer(self, request: Whole) -> None:
         request.connection.settimeout(Requests.timeout)
@@ -179,21 +177,23 @@ def main(address: str, port: str, *options: str) -> None:
     try:
         server = PageServer(address, int(port), Site(streams, stop, secret, hand, report))
     except OSError as error:
-        say(
-            "failed",
-            f"the live page cannot be served on port {port} of {address}: {error.strerror};"
-            f" {_remedy(error)}",
-        )
+        remedy = "choose another with --live PORT, or 0 for a free one"
+        if error.errno == errno.EADDRNOTAVAIL:
+            remedy = "give an address of this computer with --live-address, or 0.0.0.0 for all"
+        where = f"port {port} of {address}: {error.strerror}; {remedy}"
+        say("failed", f"the live page cannot be served on {where}")
         return
     Thread(target=server.serve_forever, name="server", daemon=True).start()
-    say("ready", _format_url(address, server.server_port, secret))
+    found = address
+    if secret and ipaddress.ip_address(address).is_unspecified:
+        found = socket.gethostname()
+    place, warning = "", ""
+    if secret:
+        place = f"{secret}/"
+        warning = " (whoever has this address can watch and stop the run)"
+    url = f"http://{url_host(found)}:{server.server_port}/{place}"
+    say("ready", f"live page: {url}{warning}")
     _pass_on(streams, stop if "--while-open" in options else None)
-
-
-def _remedy(error: OSError) -> str:
-    if error.errno == errno.EADDRNOTAVAIL:
-        return "give an address of this computer with --live-address, or 0.0.0.0 for all"
-    return "choose another with --live PORT, or 0 for a free one"
 
 
 def _pass_on(streams: Streams, closed: Callable[[], None] | None) -> None:
@@ -240,14 +240,6 @@ def _lines(descriptor: int) -> Iterator[bytes]:
 
 def _line(kind: str, **values: object) -> bytes:
     return json.dumps({"kind": kind, "at": time.time(), **values}).encode()
-
-
-def _format_url(address: str, port: int, secret: str) -> str:
-    if not secret:
-        return f"live page: http://{url_host(address)}:{port}/"
-    found = socket.gethostname() if ipaddress.ip_address(address).is_unspecified else address
-    url = f"http://{url_host(found)}:{port}/{secret}/"
-    return f"live page: {url} (whoever has this address can watch and stop the run)"
 
 
 if __name__ == "__main__":

@@ -143,9 +143,17 @@ class Streams:
             return
         chunk = b"data: " + line.strip() + b"\n\n"
         with self._lock:
-            self._keep(said, chunk)
+            kind = str(said["kind"])
+            if kind in {"note", "fault"} or said.get("notice"):
+                self._history.append(chunk)
+            if kind in {"armed", "off"}:
+                self._state["power"] = chunk
+            elif kind == "level":
+                self._state[f"level of {said['axis']}"] = chunk
+            elif kind in _STATES:
+                self._state[kind] = chunk
             for client in self._clients:
-                client.give(chunk, droppable=said["kind"] in DROPPABLE)
+                client.give(chunk, droppable=kind in DROPPABLE)
             self._sweep()
 
     def flush(self) -> None:
@@ -158,18 +166,6 @@ class Streams:
     def _latest(self, kind: str, name: str) -> str:
         chunk = self._state.get(kind, b"data: {}")
         return str(json.loads(chunk.removeprefix(b"data: ")).get(name, ""))
-
-    def _keep(self, said: dict[str, object], chunk: bytes) -> None:
-        """Store a line needed by late pages."""
-        kind = str(said["kind"])
-        if kind in {"note", "fault"} or said.get("notice"):
-            self._history.append(chunk)
-        if kind in {"armed", "off"}:
-            self._state["power"] = chunk
-        elif kind == "level":
-            self._state[f"level of {said['axis']}"] = chunk
-        elif kind in _STATES:
-            self._state[kind] = chunk
 
     def _sweep(self) -> None:
         self._clients = [client for client in self._clients if not client.left.is_set()]

@@ -253,7 +253,7 @@ class Background:
         return self
 
     def __exit__(self, *raised: object) -> None:
-        """Wait until all files are written.
+        """Wait until the files are written.
 
         Raises
         ------
@@ -314,7 +314,7 @@ def rehearse(
     speed: float = REHEARSAL_SPEED,
     pause: Callable[[], bool] = never,
 ) -> Iterator[Event]:
-    """Rehearse all motions of `plan`.
+    """Rehearse the motions of `plan`.
 
     Parameters
     ----------

@@ -48,7 +48,7 @@ class AboutMeasurement(Event):
 
 @dataclass(frozen=True, slots=True)
 class Travelled(AboutMeasurement):
-    """Arrival of all axes at the start of a measurement."""
+    """Arrival of the axes at the start of a measurement."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -96,7 +96,7 @@ class Recorded(AboutMeasurement):
 
 @dataclass(frozen=True, slots=True)
 class Finished(Event):
-    """Completion of all measurements of the plan.
+    """Completion of the plan's measurements.
 
     `before_first` is the time of motion before the first recording kept, including warm-up and
     repeated attempts [s]; NaN without recordings.

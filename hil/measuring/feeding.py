@@ -187,17 +187,13 @@ class FeedingBus(BusInFront):
     ) -> None:
         """Start to send a path, with computed feed-forward unless stated by the caller."""
         if velocity is None and torque is None:
-            fed = self._fed(np.asarray(path, dtype=float))
-            velocity, torque, holding = (values.tolist() for values in fed)
+            ahead = 0.5 - self._loop / (2 * self.period) - self._delay
+            q, qd, qdd = motion_of(np.asarray(path, dtype=float), self.period, ahead)
+            still = np.zeros_like(q)
+            velocity = (qd if self._velocity else still).tolist()
+            torque = added_torque(self._predict, q, qd, qdd).tolist()
+            holding = added_torque(self._predict, q, still, still).tolist()
         super().stream(path, velocity, torque, holding)
-
-    def _fed(self, path: Array) -> tuple[Array, Array, Array]:
-        ahead = 0.5 - self._loop / (2 * self.period) - self._delay
-        q, qd, qdd = motion_of(path, self.period, ahead)
-        velocity = qd if self._velocity else np.zeros_like(qd)
-        still = np.zeros_like(q)
-        holding = added_torque(self._predict, q, still, still)
-        return velocity, added_torque(self._predict, q, qd, qdd), holding
 
 
 def added_torque(predict: Predict | None, q: Array, qd: Array, qdd: Array) -> Array:

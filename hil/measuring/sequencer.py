@@ -140,16 +140,13 @@ class _PartnerStrokes:
                 self._recorder.mark("partner_stroke", IDLE)
                 self._due = math.inf
             else:
-                self._start(now)
+                profile = self._partner.profile(self._q, self._number)
+                move = Move(profile.end, profile.velocity, profile.acceleration)
+                self._recorder.mark("partner_stroke", self._number)
+                self._bus.move({self._partner.index: move})
+                self._number += 1
+                self._due = now + profile.duration + PARTNER_TURN
         return self._due
-
-    def _start(self, now: float) -> None:
-        profile = self._partner.profile(self._q, self._number)
-        move = Move(profile.end, profile.velocity, profile.acceleration)
-        self._recorder.mark("partner_stroke", self._number)
-        self._bus.move({self._partner.index: move})
-        self._number += 1
-        self._due = now + profile.duration + PARTNER_TURN
 
 
 def _rest(bus: DriveBus, recorder: Recorder) -> Sample:

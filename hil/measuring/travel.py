@@ -17,9 +17,8 @@ import numpy as np
 
 from drivers.drive_bus import DriveRefused, LimitExceeded, Move, MoveFailed, StreamingBus
 from hil.measuring.checks.encoder_jumps import finished
-from hil.planning.path_clearance import refuse_travel
 from hil.planning.strokes import REST
-from hil.planning.timetable import travel_time
+from hil.planning.timetable import refuse_travel, travel_time
 from hil.planning.workspace import narrow_ranges
 from hil.runs.recording import IDLE, Finding, Recorder
 from hil.runs.set_points import path_time
@@ -130,7 +129,7 @@ SLACK = 2e-3
 
 
 def locate(bus: DriveBus) -> Sample:
-    """Return a sample with the positions of all axes.
+    """Return a sample with the positions of the axes.
 
     Raises
     ------

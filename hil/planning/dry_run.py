@@ -13,22 +13,20 @@ from collections import Counter, defaultdict
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, NamedTuple
 
-from hil.planning.lag import check_lag, find_largest_lag
 from hil.planning.measurement import axes_lacking_law, element_measurements, shows_parameters
-from hil.planning.path_clearance import obstacles
 from hil.planning.prediction.identifiability import Identifiability, identifiability
-from hil.planning.timetable import timetable
-from hil.planning.trajectory import check_trajectory
+from hil.planning.timetable import obstacles, timetable
+from hil.planning.trajectory import check_lag, check_trajectory, find_largest_lag
 from hil.planning.workspace import narrow_ranges
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
     from hil.model.robot import Robot
-    from hil.planning.lag import Following, Lag
     from hil.planning.measurement import Measurement
     from hil.planning.plan import Plan
     from hil.planning.strokes import Partner, Strokes
+    from hil.planning.trajectory import Following, Lag
 
 
 @dataclass(frozen=True, slots=True)
@@ -180,7 +178,6 @@ def _check_load(bus: BusCycle | None, plan: Plan) -> Iterator[Problem]:
 
 
 def _check(number: int, measurement: Measurement, robot: Robot, period: float) -> Iterator[Problem]:
-    """Yield the problems of a measurement."""
     here: tuple[str | int, ...] = ("measurements", number)
     if measurement.streamed:
         for message in check_trajectory(measurement, robot, period):

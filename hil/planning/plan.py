@@ -31,11 +31,10 @@ from checked_files.yaml_file import FileError, FileModel, load_yaml, parse_yaml,
 from hil.model.capsules import capsules, link_reaches
 from hil.model.robot import Robot, refuse_unknown
 from hil.planning import LONGEST
-from hil.planning.clearance import intrusions
 from hil.planning.free_motion import FreeMotion
 from hil.planning.measurement import KEYS, Measurement
 from hil.planning.plan_values import LONGEST_NAME, Fraction, round_to_millionths
-from hil.planning.workspace import Workspace
+from hil.planning.workspace import Workspace, intrusions
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator

@@ -102,7 +102,7 @@ class Strokes(FileModel):
 
     @property
     def moved(self) -> tuple[int, ...]:
-        """Joint indices of all moving axes, from 0."""
+        """Joint indices of the moving axes, from 0."""
         return (self.index, *(partner.index for partner in self.partners))
 
     @property
@@ -112,7 +112,7 @@ class Strokes(FileModel):
 
     @property
     def unit_acceleration(self) -> tuple[float, ...]:
-        """Unit acceleration of all joints measured by the torque.
+        """Unit acceleration of the joints measured by the torque.
 
         Zero if the torque is read at constant velocity.
         """

@@ -22,10 +22,9 @@ from hil.report.sections import OF_FRICTION, OF_IDENTIFIED
 from hil.runs.atomic_file import file_errors, write_file
 from hil.runs.run import opened
 from hil.show.html import environment
-from hil.show.outcome import Verdict
+from hil.show.outcome import Verdict, data_uri
 from hil.show.page import write_html
 from hil.show.rounding import duration, significant, when
-from hil.show.section import data_uri
 from hil.view.along_motion import carriers, join_predictions
 from hil.view.page import view_script
 
@@ -38,7 +37,7 @@ if TYPE_CHECKING:
 
 
 def carried(run: ReportedRun, ids: Collection[str], played: Collection[str]) -> str:
-    """Pack the data for a page's script (`hil.view.packed`), compressed; empty without data.
+    """Pack the data for a page's script (`hil.view.page`), compressed; empty without data.
 
     Parameters
     ----------

@@ -23,10 +23,9 @@ from hil.runs.pooling import pooled
 from hil.runs.run import Run
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterator
+    from collections.abc import Callable
 
     from hil.export.exported import Exported
-    from hil.export.urdf_file import Given
 
 
 def export(
@@ -159,7 +158,12 @@ def exported_model(
             alarms = write_watch(model, to, about, load_thresholds(watch, model))
             found = found._replace(files=found.files | alarms)
         return model, found
-    unused = () if given is None else tuple(_unused_inertials(given, model))
+    unused: tuple[str, ...] = ()
+    if given is not None and given.reader.file.root.find("link/inertial") is not None:
+        faults = inertial_faults(given, model.robot)
+        unused = tuple(
+            f"{x}; until then {SHAPES} replace the inertials of all links" for x in faults
+        )
     likely = None if given is None else bodies_of(given, model.robot)
     if model.consistent is None or bounds is not None or likely is not None:
         of = SHAPES if given is None or likely is None else f"the inertials of {given.path}"
@@ -168,13 +172,6 @@ def exported_model(
         model = find_consistent_robot(model, own, bounds or BodyBounds(), likely, of)
     found = formatted(model, to, (*about, *unused), given)
     return model, found._replace(remarks=(*unused, *found.remarks))
-
-
-def _unused_inertials(given: Given, model: Model) -> Iterator[str]:
-    """Yield the faults for which the inertials of a URDF, if any, are not used."""
-    if given.reader.file.root.find("link/inertial") is not None:
-        for fault in inertial_faults(given, model.robot):
-            yield f"{fault}; until then {SHAPES} replace the inertials of all links"
 
 
 def exported_recordings(

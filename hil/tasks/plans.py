@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from hil.model.robot import Robot
     from hil.planning.design.trajectories import ExcitationCriterion
     from hil.planning.plan import Plan
-    from hil.planning.prediction.precision import Precision
+    from hil.planning.prediction.information import Precision
     from hil.planning.workspace import Workspace
     from hil.results.load import BareRun
     from hil.runs.run import Run
@@ -184,8 +184,8 @@ def _strokes(
     )
     if robot is None:
         from hil.planning.design.by_minutes import refine as refined
-        from hil.planning.prediction.precision import information, precision
-        from hil.tasks.robot_drives import experience_of
+        from hil.planning.prediction.information import information, precision
+        from hil.tasks.measuring import experience_of
 
         now("reading earlier runs")
         folders, (noise, known, _) = experience_of(refine)
@@ -198,7 +198,7 @@ def _strokes(
         return Designed(plan, robot, refinement=(before, then))
     if minutes is not None:
         from hil.planning.design.by_minutes import design_within
-        from hil.tasks.robot_drives import expected_of
+        from hil.tasks.measuring import expected_of
 
         now(f"choosing the most informative measurements in {minutes:g} minutes")
         noise = expected_of(robot, noise_from).noise
@@ -218,7 +218,7 @@ def _strokes(
     if named is None:
         return Designed(plan, robot)
     from hil.results.tables import excluded
-    from hil.tasks.robot_drives import expected_of
+    from hil.tasks.measuring import expected_of
 
     now("choosing measurements that distinguish causes")
     expected = expected_of(robot, noise_from)
@@ -268,7 +268,7 @@ def _trajectory(
     """Design a periodic trajectory of each branch within the limits, repeated as time permits."""
     from hil.planning.design import trajectories
     from hil.planning.plan import make_plan
-    from hil.tasks.robot_drives import following_of, known_drives
+    from hil.tasks.measuring import following_of, known_drives
 
     robot = _required(robot)
     period, harmonics = period or trajectories.PERIOD, harmonics or trajectories.HARMONICS

@@ -106,7 +106,6 @@ def _tabulate(table: Table) -> dict[str, Any]:
 
 
 def _number(cell: str) -> str | float | None:
-    """Return a cell as a number if possible; None for an empty cell."""
     text = cell.strip().replace("\N{MINUS SIGN}", "-")
     if not text:
         return None

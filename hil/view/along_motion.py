@@ -5,7 +5,7 @@ out, and the unrecorded travels between recordings last as long as in the dry ru
 straight.
 
 Distances use the capsules of the safety check. The check also bounds distances between the instants
-(`hil.planning.clearance`); distances here are those at the instants.
+(`hil.planning.workspace`); distances here are those at the instants.
 
 Of recordings with measured and predicted torques the most demanding ones are drawn, not those where
 the model looks best.
@@ -25,12 +25,12 @@ import numpy as np
 from hil.errors import FrictionUnknown, Mismatch, NotEnoughData
 from hil.friction.equation import SLOW
 from hil.least_squares.solving import inverse
-from hil.planning.clearance import intrusions
 from hil.planning.free_motion import FreeMotion
 from hil.planning.timetable import SETTLING, travel_time
+from hil.planning.workspace import intrusions
 from hil.results.recorded_torque import convert_torques, predict_whole
 from hil.runs.set_points import set_points
-from hil.view.packed import (
+from hil.view.page import (
     INSTANT,
     Segment,
     Track,
@@ -136,25 +136,21 @@ def most_demanding(found: Mapping[tuple[str, int], PredictedTorque]) -> list[Pre
                 shown[name][axis] = size / left[axis] if left[axis] > 0 else 1.0
         name = max(shown, key=lambda each: (len(shown[each]), sum(shown[each].values())))
         own = [found[name, axis] for axis in shown[name]]
-        begin = _busiest(own)
+        # the interval with the largest scatter of the torques in total
+        first, last = min(each.time[0] for each in own), max(each.time[-1] for each in own)
+        begins = np.arange(first, max(last - LONGEST, first) + 1e-9, LONGEST / 4)
+        totals = [
+            sum(
+                float(np.std(each.measured[within]) / max(np.std(each.measured), 1e-300))
+                for each in own
+                if (within := (begin <= each.time) & (each.time <= begin + LONGEST)).any()
+            )
+            for begin in begins
+        ]
+        begin = float(begins[int(np.argmax(totals))])
         chosen |= {each.axis: each.part(begin, begin + LONGEST, 700) for each in own}
         left = {axis: size for axis, size in left.items() if axis not in chosen}
     return [chosen[axis] for axis in sorted(chosen)]
-
-
-def _busiest(own: list[PredictedTorque]) -> float:
-    """Find the start of the interval `LONGEST` with the largest total torque scatter [s]."""
-    first, last = min(each.time[0] for each in own), max(each.time[-1] for each in own)
-    begins = np.arange(first, max(last - LONGEST, first) + 1e-9, LONGEST / 4)
-    scatter = [
-        sum(
-            float(np.std(each.measured[within]) / max(np.std(each.measured), 1e-300))
-            for each in own
-            if (within := (begin <= each.time) & (each.time <= begin + LONGEST)).any()
-        )
-        for begin in begins
-    ]
-    return float(begins[int(np.argmax(scatter))])
 
 
 class Predicted(NamedTuple):
@@ -205,44 +201,39 @@ def concatenate_recordings(robot: Robot, shown: Sequence[Shown], most: int) -> M
     for each in shown:
         begin, motion = segments[-1].end if segments else 0.0, each.motion
         if pieces:
-            end = begin + _way(robot, motion, pieces[-1][1][-1])
+            took = 1.0  # the start of a motion recorded elsewhere is unknown
+            if not isinstance(motion, FreeMotion):
+                place = pieces[-1][1][-1]
+                start = np.where(np.isfinite(place), place, motion.start).tolist()
+                took = travel_time(robot, start, motion.start, 1.0) + SETTLING
+            end = begin + took
             segments.append(Segment("travel", f"travel to {motion.id}, not recorded", begin, end))
             begin = end
         pieces.append(_piece(each, begin, every))
-        words, end = describe_motion(motion), float(pieces[-1][0][-1])
+        end = float(pieces[-1][0][-1])
         axes = motion.read or motion.moved
-        segments.append(Segment(motion.kind, words, begin, end, axes, recorded=True, id=motion.id))
+        about = describe_motion(motion)
+        segments.append(Segment(motion.kind, about, begin, end, axes, recorded=True, id=motion.id))
     time, q, qd, tau, planned, torque, half = map(np.concatenate, zip(*pieces, strict=True))
     angle = 2e-5  # tolerance of a drawn position [rad or m]
     known = bool(np.isfinite(planned).all())
     holed = partial(simplify_columns, time, by=simplify_with_gaps)
-    return MeasuredTracks(
-        tuple(segments),
-        simplify_columns(time, q, angle),
-        simplify_columns(time, qd),
-        simplify_columns(time, tau),
-        simplify_columns(time, planned, angle) if known else None,
-        Predicted(holed(torque), _words(shown), holed(half)) if np.isfinite(torque).any() else None,
-    )
-
-
-def _words(shown: Sequence[Shown]) -> str:
     fitted = {
         axis + 1
         for each in shown
         for axis, stretch in each.predicted.items()
         if not stretch.own_friction
     }
-    axes = ", ".join(map(str, sorted(fitted)))
-    return f"predicted, with friction of axis {axes} fitted" if axes else "predicted"
-
-
-def _way(robot: Robot, motion: RecordedMotion, place: Array) -> float:
-    """Compute the travel time from `place` to the start of a motion [s]; 1 s if unknown."""
-    if isinstance(motion, FreeMotion):
-        return 1.0
-    start = np.where(np.isfinite(place), place, motion.start).tolist()
-    return travel_time(robot, start, motion.start, 1.0) + SETTLING
+    axes_fitted = ", ".join(map(str, sorted(fitted)))
+    words = f"predicted, with friction of axis {axes_fitted} fitted" if fitted else "predicted"
+    return MeasuredTracks(
+        tuple(segments),
+        simplify_columns(time, q, angle),
+        simplify_columns(time, qd),
+        simplify_columns(time, tau),
+        simplify_columns(time, planned, angle) if known else None,
+        Predicted(holed(torque), words, holed(half)) if np.isfinite(torque).any() else None,
+    )
 
 
 def _piece(shown: Shown, begin: float, every: int) -> tuple[Array, ...]:
@@ -260,10 +251,16 @@ def _piece(shown: Shown, begin: float, every: int) -> tuple[Array, ...]:
     starts = np.arange(0, len(recording.tau), every)
     sums = np.add.reduceat(np.where(there, recording.tau, 0.0), starts)
     counts = np.add.reduceat(there.astype(float), starts)
-    velocity, torque = (
-        _velocity(recording, time, every),
-        np.divide(sums, counts, out=np.full_like(sums, np.nan), where=counts > 0),
-    )
+    torque = np.divide(sums, counts, out=np.full_like(sums, np.nan), where=counts > 0)
+    if recording.qd is not None:
+        velocity = recording.qd[kept]
+    else:  # a central difference of positions over some samples
+        n = len(time)
+        reach, at = min(4, max((n - 1) // 2, 0)), np.arange(0, n, every)
+        velocity = np.zeros_like(recording.q[at])
+        if reach:
+            low, high = np.maximum(at - reach, 0), np.minimum(at + reach, n - 1)
+            velocity = (recording.q[high] - recording.q[low]) / (time[high] - time[low])[:, None]
     time = time[kept]
     prediction, half = np.full_like(torque, np.nan), np.full_like(torque, np.nan)
     for axis, each in predicted.items():
@@ -273,19 +270,6 @@ def _piece(shown: Shown, begin: float, every: int) -> tuple[Array, ...]:
         )
         torque[:, axis] = np.where(np.isfinite(low_passed), low_passed, torque[:, axis])
     return begin + time, recording.q[kept], velocity, torque, planned[kept], prediction, half
-
-
-def _velocity(recording: Recording, time: Array, every: int) -> Array:
-    """Return the recorded velocity, or a central difference of positions over some samples."""
-    if recording.qd is not None:
-        return recording.qd[::every]
-    n = len(time)
-    reach, at = min(4, max((n - 1) // 2, 0)), np.arange(0, n, every)
-    if not reach:
-        return np.zeros_like(recording.q[at])
-    low, high = np.maximum(at - reach, 0), np.minimum(at + reach, n - 1)
-    found: Array = (recording.q[high] - recording.q[low]) / (time[high] - time[low])[:, None]
-    return found
 
 
 def predicted(model: Model, time: Array, q: Array, qd: Array, qdd: Array) -> Predicted:
@@ -340,8 +324,14 @@ def distances(robot: Robot, workspace: Workspace | None, time: Array, q: Array) 
     """
     if workspace is None or not workspace.boxes:
         return None
-    parts = [_nearest(robot, workspace, q[part]) for part in _parts(len(q))]
-    distance, nearest = (np.concatenate(each) for each in zip(*parts, strict=True))
+    free = np.concatenate(
+        [
+            workspace.margin - intrusions(robot, workspace, q[part]).reshape(len(q[part]), -1)
+            for part in _parts(len(q))
+        ]
+    )
+    nearest = free.argmin(axis=1)
+    distance = free[np.arange(len(q)), nearest]
     if not np.isfinite(distance).all():
         return None
     link, box = np.divmod(nearest, len(workspace.boxes))
@@ -358,13 +348,5 @@ def smallest(found: Distances, workspace: Workspace) -> str:
     return f"smallest distance to a box: {depth:.3f} m to {name} ({where} after the start)"
 
 
-def _nearest(robot: Robot, workspace: Workspace, q: Array) -> tuple[Array, NDArray[np.intp]]:
-    """Compute the smallest distance per configuration, and the number of link and box."""
-    free = workspace.margin - intrusions(robot, workspace, q).reshape(len(q), -1)
-    nearest = free.argmin(axis=1)
-    return free[np.arange(len(q)), nearest], nearest
-
-
 def _parts(n: int, most: int = 4096) -> list[slice]:
-    """Divide n instants into parts computed at a time."""
     return [slice(begin, begin + most) for begin in range(0, n, most)]

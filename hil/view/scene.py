@@ -18,10 +18,9 @@ import numpy as np
 from hil.errors import InvalidValue, NotEnoughData
 from hil.model.capsules import capsules
 from hil.planning.dry_run import measurement_problems
-from hil.planning.path_clearance import obstacles
 from hil.planning.prediction.information import partner_strokes
 from hil.planning.strokes import REST
-from hil.planning.timetable import SETTLING, travel_time
+from hil.planning.timetable import SETTLING, obstacles, travel_time
 from hil.planning.trapezoid import Trapezoid
 from hil.planning.workspace import narrow_ranges
 from hil.runs.pooling import recorded
@@ -34,7 +33,7 @@ from hil.view.along_motion import (
     smallest,
     stretches,
 )
-from hil.view.packed import Segment, Track, describe_motion, shown_kinds
+from hil.view.page import Segment, Track, describe_motion, shown_kinds
 from hil.view.visuals import robot_data, workspace_data
 
 if TYPE_CHECKING:
@@ -44,7 +43,6 @@ if TYPE_CHECKING:
     from hil.model.robot import Robot
     from hil.planning.measurement import Measurement
     from hil.planning.plan import Plan
-    from hil.planning.strokes import Strokes
     from hil.planning.workspace import Workspace
     from hil.results.model import Model
     from hil.runs.run import Run
@@ -66,7 +64,21 @@ class Planned(NamedTuple):
 
     def evaluate(self, time: Array) -> tuple[Array, Array, Array]:
         """Compute q, qd and qdd at instants (n,), shapes (n, n_joints)."""
-        found = [_cubic(track, time) for track in self.tracks]
+        found = []
+        for track in self.tracks:
+            slope = cast("Array", track.slope)  # derivatives of planned motions are known
+            last = np.clip(np.searchsorted(track.time, time, side="right") - 1, 0, None)
+            following = np.minimum(last + 1, len(track.time) - 1)
+            width = track.time[following] - track.time[last]
+            moving = width > 0
+            safe = np.where(moving, width, 1.0)
+            s = np.where(moving, (time - track.time[last]) / safe, 0.0)
+            way = track.value[following] - track.value[last]
+            a, b = slope[last] * safe, slope[following] * safe
+            c, d = 3 * way - 2 * a - b, a + b - 2 * way
+            value = track.value[last] + s * (a + s * (c + s * d))
+            rate = np.where(moving, a + s * (2 * c + 3 * s * d), 0.0) / safe
+            found.append((value, rate, np.where(moving, 2 * c + 6 * s * d, 0.0) / safe**2))
         q, qd, qdd = (np.column_stack(each) for each in zip(*found, strict=True))
         return q, qd, qdd
 
@@ -112,7 +124,6 @@ class _Passage:
         self._now = 0.0
 
     def note(self, kind: str, words: str, axes: tuple[int, ...] = (), **more: Any) -> None:
-        """Add a segment from the end of the last one until now."""
         begin = self.segments[-1].end if self.segments else 0.0
         self.segments.append(Segment(kind, words, begin, self._now, axes, **more))
 
@@ -126,7 +137,6 @@ class _Passage:
             self.note("warm-up", "warm-up")
 
     def travel(self, end: Sequence[float], fraction: float) -> None:
-        """Move the joints to `end` simultaneously, at a fraction of the limits."""
         robot = self._robot
         velocity, acceleration = (
             fraction * limit for limit in (robot.velocity_limit, robot.acceleration_limit)
@@ -143,9 +153,19 @@ class _Passage:
         if measurement.streamed:
             n = measurement.cycles * KNOTS * len(measurement.sine[0])
             time = np.linspace(0.0, measurement.cycles * measurement.period, n + 1)
-            self._follow(begin + REST + time, *measurement.motion(time)[:2])
+            q, qd, _ = measurement.motion(time)
+            at_once = np.broadcast_to(begin + REST + time, q.T.shape)
+            rows = np.dstack([at_once, q.T, qd.T]).tolist()
+            for knots, more in zip(self.knots, rows, strict=True):
+                knots.extend(map(tuple, more))
             return
-        self._exercise(measurement, begin)
+        # the exercise precedes the recording
+        pair = [measurement.profile(number) for number in (0, 1)]
+        at = begin + measurement.preparation - measurement.exercised
+        for _ in range(int(measurement.exercised / sum(each.duration for each in pair))):
+            for profile in pair:
+                self._move(measurement.index, profile, at)
+                at += profile.duration
         begin += measurement.preparation
         for number, at in enumerate(measurement.beginnings[:-1]):
             self._move(measurement.index, measurement.profile(number), begin + at)
@@ -154,33 +174,26 @@ class _Passage:
                 self._move(partner.index, profile, begin + at)
 
     def _move(self, joint: int, profile: Trapezoid, begin: float) -> None:
-        """Add a joint's profile starting at `begin` [s]."""
         if not profile.duration:
             return
         corners = np.unique([0.0, *profile.window, profile.duration])
         q, qd, _ = profile.motion(corners)
         self.knots[joint] += zip((begin + corners).tolist(), q.tolist(), qd.tolist(), strict=True)
 
-    def _exercise(self, measurement: Strokes, begin: float) -> None:
-        """Add the strokes of a measurement's exercise, which precedes the recording."""
-        pair = [measurement.profile(number) for number in (0, 1)]
-        took = sum(profile.duration for profile in pair)
-        at = begin + measurement.preparation - measurement.exercised
-        for _ in range(int(measurement.exercised / took)):
-            for profile in pair:
-                self._move(measurement.index, profile, at)
-                at += profile.duration
-
-    def _follow(self, time: Array, q: Array, qd: Array) -> None:
-        """Add configurations (n, n_joints) at instants (n,)."""
-        rows = np.dstack([np.broadcast_to(time, q.T.shape), q.T, qd.T]).tolist()
-        for knots, more in zip(self.knots, rows, strict=True):
-            knots.extend(map(tuple, more))
-
 
 def _refuse_endless(plan: Plan, most: float = 1e6) -> None:
     """Refuse a plan with too many knots for a page, before the computation."""
-    least = sum(_knots(measurement) for measurement in plan.measurements)
+    least = 0.0
+    for measurement in plan.measurements:
+        if measurement.streamed:
+            waves = measurement.cycles * len(measurement.sine[0])
+            least += KNOTS * waves * len(measurement.q)
+            continue
+        stroke = measurement.profile(0).duration
+        least += 4 * (measurement.n_strokes + measurement.exercised / stroke)
+        for partner in measurement.partners:
+            creep = measurement.n_strokes * stroke
+            least += 4 * creep / partner.profile(measurement.q, 0).duration
     rounds = plan.warm_up.duration / SETTLING if plan.warm_up else 0.0
     knots = least + 4 * len(plan.measurements[0].q) * (rounds + len(plan.measurements))
     if knots > most:
@@ -188,34 +201,6 @@ def _refuse_endless(plan: Plan, most: float = 1e6) -> None:
             f"a page of this plan would have {knots:.3g} corners of strokes, at most"
             f" {most:.3g} can be shown; lower cycles, exercise or warm_up, or divide the plan"
         )
-
-
-def _knots(measurement: Measurement) -> float:
-    if measurement.streamed:
-        return measurement.cycles * KNOTS * len(measurement.sine[0]) * len(measurement.q)
-    exercised = measurement.exercised / measurement.profile(0).duration
-    found = 4 * (measurement.n_strokes + exercised)
-    for partner in measurement.partners:
-        creep = measurement.n_strokes * measurement.profile(0).duration
-        found += 4 * creep / partner.profile(measurement.q, 0).duration
-    return found
-
-
-def _cubic(track: Track, time: Array) -> tuple[Array, Array, Array]:
-    """Interpolate value, first and second derivative by cubics between knots."""
-    slope = cast("Array", track.slope)  # derivatives of planned motions are known
-    last = np.clip(np.searchsorted(track.time, time, side="right") - 1, 0, None)
-    following = np.minimum(last + 1, len(track.time) - 1)
-    width = track.time[following] - track.time[last]
-    moving = width > 0
-    safe = np.where(moving, width, 1.0)
-    s = np.where(moving, (time - track.time[last]) / safe, 0.0)
-    way = track.value[following] - track.value[last]
-    a, b = slope[last] * safe, slope[following] * safe
-    c, d = 3 * way - 2 * a - b, a + b - 2 * way
-    value = track.value[last] + s * (a + s * (c + s * d))
-    rate = np.where(moving, a + s * (2 * c + 3 * s * d), 0.0) / safe
-    return value, rate, np.where(moving, 2 * c + 6 * s * d, 0.0) / safe**2
 
 
 ANGLE = 1e-5
@@ -261,27 +246,28 @@ class Scene:
         """Convert to the data read by the page's scripts."""
         kinds = shown_kinds(segment.kind for segment in self.segments)
         number = {kind["name"]: n for n, kind in enumerate(kinds)}
+        measured = self.measured and {
+            "position": _tracks(self.measured.position, ANGLE),
+            "velocity": _tracks(self.measured.velocity),
+            "torque": _tracks(self.measured.torque),
+        }
+        segments = [
+            asdict(each)
+            | {"kind": number[each.kind], "begin": round(each.begin, 4), "end": round(each.end, 4)}
+            for each in self.segments
+        ]
         return {
             "title": self.title,
             "robot": robot_data(narrow_ranges(self.robot, self.workspace), self.visuals),
             "workspace": workspace_data(self.workspace),
             "kinds": kinds,
-            "segments": [_segment(each, number[each.kind]) for each in self.segments],
+            "segments": segments,
             "planned": _tracks(self.planned, ANGLE),
-            "measured": self._measured(),
+            "measured": measured,
             "predicted": _tracks(self.predicted.tracks if self.predicted else None),
             "band": _tracks(self.predicted.band if self.predicted else None),
             "prediction": self.predicted.words if self.predicted else None,
             "distance": self.distances.data() if self.distances else None,
-        }
-
-    def _measured(self) -> dict[str, object] | None:
-        if self.measured is None:
-            return None
-        return {
-            "position": _tracks(self.measured.position, ANGLE),
-            "velocity": _tracks(self.measured.velocity),
-            "torque": _tracks(self.measured.torque),
         }
 
 
@@ -408,17 +394,11 @@ def _describe_distance(found: Distances | None, workspace: Workspace | None) -> 
 
 
 def _describe_capsules(robot: Robot) -> tuple[str, ...]:
-    """Describe capsules that are only assumed."""
     stated = capsules(robot).stated
     if all(stated):
         return ()
     links = ", ".join(str(link) for link, known in enumerate(stated, start=1) if not known)
     return (f"Capsules assumed (none in the robot file) for: link {links}.",)
-
-
-def _segment(segment: Segment, kind: int) -> dict[str, object]:
-    begin, end = round(segment.begin, 4), round(segment.end, 4)
-    return {**asdict(segment), "kind": kind, "begin": begin, "end": end}
 
 
 def _tracks(

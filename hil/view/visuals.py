@@ -23,16 +23,15 @@ from hil.model.frames import inverse
 from hil.model.readers.axes_to_frames import difference, find_frames
 from hil.model.readers.urdf import UrdfReader
 from hil.runs.atomic_file import file_errors
-from hil.view.packed import packed
+from hil.view.page import packed
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator, Sequence
+    from collections.abc import Sequence
     from xml.etree.ElementTree import Element
 
     from numpy.typing import NDArray
 
     from hil.arrays import Array
-    from hil.model.readers.urdf import UrdfChain
     from hil.model.robot import Robot
     from hil.planning.workspace import Workspace
 
@@ -95,30 +94,24 @@ def _obj(content: bytes, path: Path) -> Array:
             case ["v", *numbers]:
                 vertices.append(_numbers(numbers[:3], path))
             case ["f", *corners]:
-                triangles += _fan([_index(word, len(vertices), path) for word in corners])
+                indices = []
+                for word in corners:
+                    try:
+                        number = int(word.partition("/")[0])
+                    except ValueError:
+                        number = 0
+                    # files count from 1, or backwards from the last
+                    indices.append(number - 1 if number > 0 else len(vertices) + number)
+                    if number == 0 or not 0 <= indices[-1] < len(vertices):
+                        raise FileError(
+                            f"{path}: a face names vertex {word!r}, and there are {len(vertices)};"
+                            " export it anew"
+                        )
+                # a polygon is a fan of triangles from the first corner
+                triangles += [(indices[0], b, c) for b, c in pairwise(indices[1:])]
     faces = np.array(triangles, dtype=int).reshape(-1, 3)
     found: Array = np.array(vertices).reshape(-1, 3)[faces]
     return found
-
-
-def _fan(polygon: list[int]) -> Iterator[tuple[int, int, int]]:
-    """Yield the triangles of a polygon as a fan from the first corner."""
-    for second, third in pairwise(polygon[1:]):
-        yield polygon[0], second, third
-
-
-def _index(word: str, count: int, path: Path) -> int:
-    """Parse the index of a vertex, from 0; files count from 1, or backwards from the last."""
-    try:
-        number = int(word.partition("/")[0])
-    except ValueError:
-        number = 0
-    index = number - 1 if number > 0 else count + number
-    if number == 0 or not 0 <= index < count:
-        raise FileError(
-            f"{path}: a face names vertex {word!r}, and there are {count}; export it anew"
-        )
-    return index
 
 
 def _numbers(words: list[str], path: Path) -> list[float]:
@@ -209,14 +202,27 @@ def robot_data(robot: Robot, visuals: Sequence[Visual] = ()) -> dict[str, object
     ways = np.maximum(shapes.reach.max(axis=0), shapes.radii.min())
     # the direction against gravity, or z without gravity
     strength = float(np.linalg.norm(robot.gravity))
+    joints = [
+        {
+            "revolute": bool(robot.revolute[j]),
+            "parent": robot.parents[j],
+            "before": (robot.zero_pose(j).ravel() + 0.0).tolist(),  # no -0.0
+            "lower": float(robot.q_min[j]),
+            "upper": float(robot.q_max[j]),
+            "velocity": _finite_or_none(robot.velocity_limit[j]),
+            "torque": _finite_or_none(robot.torque_limit[j]),
+            "unit": robot.position_unit(j),
+            "torque_unit": robot.torque_unit(j),
+            "capsule": {"ends": shapes.ends[j].tolist(), "radius": float(shapes.radii[j])},
+            "step": float(0.7 * shapes.radii.min() / ways[j]),
+        }
+        for j in range(robot.n_joints)
+    ]
     return {
         "name": robot.name,
         "up": ([0.0, 0.0, 1.0] if strength == 0.0 else (-robot.gravity / strength).tolist()),
         "reach": float(link_reaches(robot).max()),
-        "joints": [
-            _joint(robot, j) | {"step": float(0.7 * shapes.radii.min() / ways[j])}
-            for j in range(robot.n_joints)
-        ],
+        "joints": joints,
         "meshes": [visual.data() for visual in visuals],
     }
 
@@ -227,22 +233,6 @@ def workspace_data(workspace: Workspace | None) -> dict[str, object] | None:
         return None
     boxes = [{"name": b.name, "low": b.low, "high": b.high} for b in workspace.boxes]
     return {"margin": workspace.margin, "boxes": boxes}
-
-
-def _joint(robot: Robot, joint: int) -> dict[str, object]:
-    shapes = capsules(robot)
-    return {
-        "revolute": bool(robot.revolute[joint]),
-        "parent": robot.parents[joint],
-        "before": (robot.zero_pose(joint).ravel() + 0.0).tolist(),  # no -0.0
-        "lower": float(robot.q_min[joint]),
-        "upper": float(robot.q_max[joint]),
-        "velocity": _finite_or_none(robot.velocity_limit[joint]),
-        "torque": _finite_or_none(robot.torque_limit[joint]),
-        "unit": robot.position_unit(joint),
-        "torque_unit": robot.torque_unit(joint),
-        "capsule": {"ends": shapes.ends[joint].tolist(), "radius": float(shapes.radii[joint])},
-    }
 
 
 def _finite_or_none(limit: float) -> float | None:
@@ -307,9 +297,20 @@ def visuals(urdf: Path, robot: Robot, meshes: Path | None = None) -> Visuals:
             f"{urdf}: its joints from {chain.base} to {chain.tip} differ in position from those "
             f"of {robot.name}; give the URDF of the robot file"
         )
+    # the poses of links in the robot's frames
+    frames, at_zero = find_frames(chain), np.zeros(len(chain.joints))
+    of_urdf, of_robot = chain.frames(at_zero), frames.poses(at_zero, chain.revolute)
+    hung = [(BASE, chain.base, inverse(frames.base))]
+    for number, joint in enumerate(chain.joints):
+        hung.append((number, joint.link, inverse(of_robot[number]) @ of_urdf[number]))
+    attached = [
+        (number, pose, reader.links[name])
+        for number, link, place in hung
+        for name, pose in reader.find_attached(link, place)
+    ]
     shapes: list[tuple[int, Array]] = []
     left_out = []
-    for link, pose, element in _attached_links(reader, chain):
+    for link, pose, element in attached:
         for visual in element.findall("visual"):
             try:
                 corners = _triangles(reader, visual, urdf, meshes)
@@ -320,7 +321,10 @@ def visuals(urdf: Path, robot: Robot, meshes: Path | None = None) -> Visuals:
             shapes.append((link, corners @ place[:3, :3].T + place[:3, 3]))
     most = _allowance([len(corners) for _, corners in shapes])
     found = [Visual(link, merge_corners(corners, most)) for link, corners in shapes]
-    return Visuals(tuple(v for v in found if len(v.mesh.triangles)), (*left_out, *_coarse(found)))
+    cell = max((visual.mesh.cell for visual in found), default=FINEST)
+    if cell > FINEST:
+        left_out.append(f"meshes are coarser than their files, by up to {1000 * cell:.1f} mm")
+    return Visuals(tuple(v for v in found if len(v.mesh.triangles)), tuple(left_out))
 
 
 def _allowance(sizes: list[int]) -> int:
@@ -332,25 +336,6 @@ def _allowance(sizes: list[int]) -> int:
             break
         left -= size
     return most
-
-
-def _coarse(found: list[Visual]) -> Iterator[str]:
-    cell = max((visual.mesh.cell for visual in found), default=FINEST)
-    if cell > FINEST:
-        yield f"meshes are coarser than their files, by up to {1000 * cell:.1f} mm"
-
-
-def _attached_links(reader: UrdfReader, chain: UrdfChain) -> Iterator[tuple[int, Array, Element]]:
-    """Yield links attached to the chain: number, pose in the robot's frame, element."""
-    frames = find_frames(chain)
-    at_zero = np.zeros(len(chain.joints))
-    of_urdf, of_robot = chain.frames(at_zero), frames.poses(at_zero, chain.revolute)
-    hung = [(BASE, chain.base, inverse(frames.base))]
-    for number, joint in enumerate(chain.joints):
-        hung.append((number, joint.link, inverse(of_robot[number]) @ of_urdf[number]))
-    for number, link, place in hung:
-        for name, pose in reader.find_attached(link, place):
-            yield number, pose, reader.links[name]
 
 
 def _triangles(reader: UrdfReader, visual: Element, urdf: Path, meshes: Path | None) -> Array:

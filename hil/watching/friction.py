@@ -174,7 +174,10 @@ class Turning:
             unknown[i] = self._open = np.where(still[i], held, self._open * left[i])
         slip = qd[:, np.newaxis] - np.abs(qd)[:, np.newaxis] * rows
         turning = np.abs(rows[:, -1] - rows[:, 0]) > TURNING
-        self._learn(turning & ~still & (level > 0), rows, slip, friction, level)
+        if (used := turning & ~still & (level > 0)).any():
+            error = friction[:, np.newaxis] - rows * level[:, np.newaxis]
+            shown = np.stack([error**2, error * slip, slip**2, np.ones_like(error)])
+            self._new += np.sum(used[:, np.newaxis] * shown, axis=1)
         slower, faster = self._neighbours
         apart = np.abs(rows[:, slower, self._axes] - rows[:, faster, self._axes])
         damping = self._damping * slip[:, self.taken, self._axes]
@@ -201,12 +204,6 @@ class Turning:
     def _neighbours(self) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
         """Slower and faster neighbours of the distances in use."""
         return np.minimum(self.taken + 1, len(DISTANCES) - 1), np.maximum(self.taken - 1, 0)
-
-    def _learn(self, used: Flags, rows: Array, slip: Array, friction: Array, level: Array) -> None:
-        if used.any():
-            error = friction[:, np.newaxis] - rows * level[:, np.newaxis]
-            shown = np.stack([error**2, error * slip, slip**2, np.ones_like(error)])
-            self._new += np.sum(used[:, np.newaxis] * shown, axis=1)
 
 
 NODES = 401

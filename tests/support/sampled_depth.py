@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from hil.model.capsules import capsules, segments
-from hil.planning.clearance import box_distance
+from hil.planning.workspace import box_distance
 
 if TYPE_CHECKING:
     import numpy as np

@@ -100,4 +100,4 @@ def state_hardware(journal, bus):
 
 def empty_plots(monkeypatch):
     """Replace the plots of reports by empty ones."""
-    monkeypatch.setattr("hil.show.section.Plot.chart", Chart())
+    monkeypatch.setattr("hil.show.outcome.Plot.chart", Chart())

@@ -11,7 +11,7 @@ if TYPE_CHECKING:
 
 
 def unpacked(given: Any) -> Array:
-    """Undo `hil.view.packed.packed`; unknown numbers are NaN."""
+    """Undo `hil.view.page.packed`; unknown numbers are NaN."""
     differences = np.array(given["differences"], dtype=float)
     sums = given["step"] * np.cumsum(np.nan_to_num(differences))
     return np.where(np.isnan(differences), np.nan, sums)

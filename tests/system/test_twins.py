@@ -118,7 +118,7 @@ def gravity_plan(robot: Robot) -> Plan:
 
 @pytest.mark.parametrize("name", LARGE)
 def test_a_large_robot_s_drives_measure_what_its_links_weigh(name: str, tmp_path: Path) -> None:
-    from hil.cli.plan_files import write_plan
+    from hil.cli.plan_view import write_plan
 
     robot = Robot.load(ROBOTS / f"{name}.yaml")
     twin, plan = twin_of(name, tmp_path), tmp_path / "plan.yaml"

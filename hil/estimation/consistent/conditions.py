@@ -33,7 +33,7 @@ from hil.model.added_parameters import added_inertias
 from hil.model.base_parameters import base_parameters
 from hil.model.dynamics import inverse_dynamics
 from hil.model.frames import UNIT_PSEUDO_INERTIAS, body_parameters
-from hil.planning.prediction.precision import whole_range
+from hil.planning.prediction.information import whole_range
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping

@@ -42,9 +42,9 @@ from hil.estimation.excluded.limits import (
 )
 from hil.estimation.excluded.words import describe_cause, name_of
 from hil.estimation.signals import signals
+from hil.planning.design.by_counts import TRAVEL, guarded_tour
 from hil.planning.design.by_minutes import assign_ids, order_by_travel, total_duration
 from hil.planning.design.candidates import strokes
-from hil.planning.design.tour import TRAVEL, guarded_tour
 from hil.planning.measurement import shows_parameters
 from hil.planning.timetable import SETTLING, travel_times
 from hil.planning.workspace import narrow_ranges

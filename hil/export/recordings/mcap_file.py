@@ -14,8 +14,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from checked_files.yaml_file import FileError
-from hil.export.recordings.job import README, facts, readme
 from hil.export.recordings.ros_messages import INFO, JOINT_STATE, LOG, SECOND, WARN, RosMessages
+from hil.export.recordings.tables import README, facts, readme
 from hil.imports.readers.joint_state_layout import layout_of
 from hil.optional_packages import needed_for
 from hil.runs.atomic_file import new_file
@@ -27,7 +27,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from hil.arrays import Array
-    from hil.export.recordings.job import Job
+    from hil.export.recordings.tables import Job
     from hil.runs.run import Run
 
     Stamps = NDArray[np.int64]
@@ -68,7 +68,7 @@ def write_mcap(job: Job) -> None:
 
 
 class _Content:
-    """Messages of all measurements, written in order of time."""
+    """Messages of the measurements, written in order of time."""
 
     def __init__(self, job: Job, messages: RosMessages, writer: Any) -> None:
         self._job, self._messages, self._writer = job, messages, writer
@@ -83,7 +83,6 @@ class _Content:
         self._noted: set[int] = set()
 
     def write(self) -> None:
-        """Write all measurements."""
         run = self._job.run
         for name, begin in _timeline(run):
             self._job.progress(name)
@@ -134,7 +133,7 @@ class _Content:
 
 
 def _timeline(run: Run) -> Iterator[tuple[str, int]]:
-    """Yield id and time 0 on the clock [ns] of all measurements, without overlap."""
+    """Yield id and time 0 on the clock [ns] of measurements, without overlap."""
     spans = sorted(
         (each.session, float(time[0]), float(time[-1]), each.measurement.id)
         for each, time in ((each, each.recording.time) for each in run)

@@ -1,4 +1,4 @@
-"""Run as a folder of tables in CSV or Parquet: one file per measurement, and an index.
+"""Run as a folder of tables in CSV or Parquet: a file per measurement, and an index.
 
 Names of columns state their units. Times, positions, torques, flags and stroke numbers are as
 recorded, to the last bit. Velocities are present only if they were recorded. Set-points follow from
@@ -8,21 +8,24 @@ CSV has one header line and numbers only, as PlotJuggler and pandas expect, with
 restore the same double. A missing sample is an empty cell, since PlotJuggler takes a column
 starting with the word nan for text. Parquet has the same tables, each column with its unit and
 source, and with metadata of the measurement.
+
+`Job` is the input of the writers of all formats of recordings, `readme` the text file beside them.
 """
 
 from __future__ import annotations
 
 import csv
 import io
-from typing import TYPE_CHECKING, Any
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
 from drivers.drive_bus import SampleFlag
-from hil.export.recordings.job import README, Column, about_columns, facts, readme
 from hil.optional_packages import needed_for
 from hil.planning.free_motion import FreeMotion
 from hil.runs.atomic_file import new_file, own_folder
+from hil.runs.journal import NO_REAL_MACHINE
 from hil.runs.set_points import set_points
 
 if TYPE_CHECKING:
@@ -32,12 +35,15 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from hil.arrays import Array
-    from hil.export.recordings.job import Job
     from hil.model.robot import Robot
     from hil.planning.measurement import RecordedMotion
     from hil.runs.recording_file import Measured
 
     Values = Array | NDArray[np.uint8] | NDArray[np.int16]
+    from pathlib import Path
+
+    from hil.runs.run import Run
+
 
 UNKNOWN = "unknown unit"
 """Unit of torques with an unknown gain."""
@@ -201,3 +207,95 @@ def _write_tables(
         write_index(file, rows)
     with new_file(job.folder / README) as file:
         file.write(readme(job, about_columns(seen.values())).encode())
+
+
+class Column(NamedTuple):
+    """A column of a measurement's table.
+
+    Attributes
+    ----------
+    name : str
+        Name with the unit, such as ``q1_rad``: letters, digits and underscores.
+    unit : str
+        Empty for flags and numbers.
+    what : str
+        Description in words.
+    values : array (n,)
+        NaN where a sample is missing.
+    derived : bool
+        True for a column computed after the measurement.
+    """
+
+    name: str
+    unit: str
+    what: str
+    values: NDArray[Any]
+    derived: bool = False
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Job:
+    """Run with the destination of its recordings.
+
+    Attributes
+    ----------
+    folder : Path
+        Empty folder for all files.
+    joints : tuple of str
+        Names of the joints, in order.
+    progress : callable
+        Function called with the id of each measurement before writing.
+    """
+
+    run: Run
+    folder: Path
+    joints: tuple[str, ...]
+    progress: Callable[[str], None]
+
+    def __iter__(self) -> Iterator[Measured]:
+        """Read the run's measurements, reporting progress."""
+        for measured in self.run:
+            self.progress(measured.measurement.id)
+            yield measured
+
+
+README = "README.txt"
+NOTES = (
+    "Time begins anew in each session; the index states the session of each measurement.",
+    "An empty cell, or NaN: no sample at this SYNC.",
+    "Velocities only where recorded; drives report none.",
+    "Derived columns were not recorded: set-points follow from the plan and from the strokes.",
+)
+
+
+def facts(job: Job) -> dict[str, str]:
+    """Return robot and run in words, by short keys."""
+    run, sessions = job.run, job.run.journal.sessions
+    buses = dict.fromkeys(session.bus for session in sessions)
+    found = {
+        "run": run.path.resolve().name,
+        "run id": run.journal.run_id or "none",
+        "robot": f"{run.robot.name} (robot file {run.robot.digest[:12]})",
+        "joints": ", ".join(job.joints),
+        "recorded": NO_REAL_MACHINE if run.journal.simulated else ", ".join(buses),
+        "sessions": ", ".join(session.started for session in sessions),
+        "measurements": f"{len(run)} of {len(run.motions)}",
+    }
+    return found | ({"note": run.shortfall} if run.shortfall else {})
+
+
+def readme(job: Job, about: Sequence[str]) -> str:
+    """Return the text of the readme file: description of the run, and lines on the data."""
+    stated = [f"{key}: {text}" for key, text in facts(job).items()]
+    head = "Recordings of a run, in SI units on the joint side."
+    return "\n".join([head, "", *stated, "", *about, ""])
+
+
+def about_columns(columns: Iterable[Column]) -> list[str]:
+    """Return lines about the columns of tables."""
+    listed = []
+    for column in columns:
+        unit = f" [{column.unit}]" if column.unit else ""
+        origin = "derived" if column.derived else "recorded"
+        listed.append(f"{column.name}: {column.what}{unit}, {origin}")
+    return [*NOTES, "", *listed]

@@ -278,7 +278,6 @@ def _mean_velocity(recording: Recording, measurement: Strokes, window: Indices) 
 
 
 def _unit(robot: Robot, index: int) -> str:
-    """Return the unit of velocities of an axis."""
     return f"{robot.position_unit(index)}/s"
 
 

@@ -39,12 +39,11 @@ import numpy as np
 from hil.friction.equation import n_unknowns
 from hil.least_squares.solving import solved
 from hil.model.base_parameters import base_parameters
-from hil.planning.design.by_counts import greedy, places
+from hil.planning.design.by_counts import TRAVEL, greedy, guarded_tour, nearest_first, places
 from hil.planning.design.candidates import pool, trajectories, weigh
-from hil.planning.design.tour import TRAVEL, guarded_tour, nearest_first
 from hil.planning.measurement import ELEMENT_KINDS, FOR_A_LAW, axes_lacking_law
 from hil.planning.plan import Plan, make_plan
-from hil.planning.prediction.precision import torque_scale
+from hil.planning.prediction.information import torque_scale
 from hil.planning.timetable import SETTLING, timetable, travel_times
 from hil.planning.workspace import narrow_ranges
 
@@ -55,8 +54,8 @@ if TYPE_CHECKING:
     from hil.model.robot import Robot
     from hil.planning.design.candidates import Option
     from hil.planning.measurement import Measurement, ParameterMeasurement
+    from hil.planning.prediction.information import Information
     from hil.planning.prediction.noise import Noise
-    from hil.planning.prediction.precision import Information
     from hil.planning.workspace import Workspace
 
 
@@ -160,7 +159,6 @@ class Selection:
         return found
 
     def _costs(self) -> Array:
-        """Return the duration of every option, travel included [s]."""
         way = np.where(np.isfinite(self._way), self._way, 0.0)
         return self._durations + way + SETTLING
 

@@ -25,13 +25,12 @@ import numpy as np
 from hil.friction.equation import place
 from hil.least_squares.solving import inverse_root
 from hil.model.base_parameters import base_parameters
-from hil.planning.clearance import are_clear
 from hil.planning.design.measurable_elements import ELEMENTS, candidates
 from hil.planning.design.trajectories import Search, design_trajectory
 from hil.planning.measurement import ELEMENT_KINDS
-from hil.planning.path_clearance import JointBoxes
-from hil.planning.prediction.information import shares
-from hil.planning.prediction.precision import scatter_of
+from hil.planning.prediction.information import scatter_of, shares
+from hil.planning.timetable import JointBoxes
+from hil.planning.workspace import are_clear
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
@@ -149,7 +148,7 @@ def keeps_clear(robot: Robot, workspace: Workspace | None, q: Array) -> bool:
 
 
 def worth(robot: Robot, found: Sequence[Share], noise: Noise) -> tuple[tuple[Indices, Array], ...]:
-    """Compute for each share of a measurement the indices of its unknowns, and I S^-1 I."""
+    """Compute per share of a measurement the indices of the unknowns, and I S^-1 I."""
     return tuple(
         (
             place(robot, share.axis),

@@ -23,16 +23,14 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from hil.planning.clearance import are_clear
 from hil.planning.design.measurable_elements import RAMP_OF_CREEP, RANGE
 from hil.planning.halton import GOLDEN, halton
 from hil.planning.measurement import Friction
-from hil.planning.path_clearance import JointBoxes
 from hil.planning.plan import make_plan
 from hil.planning.strokes import TURN
-from hil.planning.timetable import SETTLING
+from hil.planning.timetable import SETTLING, JointBoxes
 from hil.planning.trapezoid import Trapezoid
-from hil.planning.workspace import narrow_ranges
+from hil.planning.workspace import are_clear, narrow_ranges
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -176,7 +174,6 @@ class _Bench:
         return min(float(self._robot.velocity_limit[axis]), reachable)
 
     def speeds(self, axis: int, count: int, slowest: float) -> list[float]:
-        """Return increasing, logarithmically spaced speeds [rad/s]."""
         top = self.top(axis)
         low = min(slowest * float(self._robot.velocity_limit[axis]), top)
         return [float(v) for v in np.geomspace(low, top, count)]
@@ -197,7 +194,6 @@ class _Bench:
         )
 
     def _motion(self, axis: int, velocity: float) -> dict[str, Any]:
-        """Choose stroke and acceleration for a speed."""
         room = self.room(axis)
         acceleration = min(
             EASY * float(self._robot.acceleration_limit[axis]), velocity / RAMP_OF_CREEP

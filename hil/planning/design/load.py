@@ -35,9 +35,9 @@ from hil.model.dynamics import inverse_dynamics
 from hil.model.load import FIRST_MOMENTS, INERTIAS, MASS, LoadColumns, load_columns
 from hil.model.motors import motor_torque
 from hil.model.robot_file import LINK_PARAMETERS
+from hil.planning.design.by_counts import TRAVEL, guarded_tour
 from hil.planning.design.by_minutes import assign_ids, order_by_travel, total_duration
 from hil.planning.design.candidates import judge, keeps_clear, pool
-from hil.planning.design.tour import TRAVEL, guarded_tour
 from hil.planning.measurement import shows_parameters
 from hil.planning.plan import make_plan
 from hil.planning.plan_values import replace_values

@@ -37,11 +37,11 @@ import numpy as np
 from hil.friction.equation import SLOW
 from hil.model.base_parameters import base_parameters
 from hil.model.dynamics import regressor
-from hil.planning.clearance import are_clear
 from hil.planning.halton import GOLDEN, halton
 from hil.planning.measurement import Coupling, Gravity, Inertia
-from hil.planning.path_clearance import JointBoxes
 from hil.planning.strokes import MARGIN, SHORTEST_WINDOW, Partner
+from hil.planning.timetable import JointBoxes
+from hil.planning.workspace import are_clear
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
@@ -164,7 +164,6 @@ def partner_motion(robot: Robot, axis: int, number: int = 0) -> Partner:
 
 
 def _ramp(robot: Robot, axis: int, velocity: float) -> float:
-    """Return the duration of a ramp to constant velocity [s]."""
     return max(velocity / (STEEPEST * float(robot.acceleration_limit[axis])), RAMP_OF_CREEP)
 
 

@@ -2,7 +2,7 @@
 
 The observation matrix W of section 5 is judged: the regressor of the base parameters along one
 period, each row divided by the torque limit of its axis, stacked, and each column divided by the
-torque per unit of its parameter (`hil.planning.prediction.precision.torque_scale`). Without the
+torque per unit of its parameter (`hil.planning.prediction.information.torque_scale`). Without the
 column scaling a kg m^2 of the base would count as much as one of the hand, and the smallest
 condition number would be that of a motion with a resting wrist. Criteria to minimise: the condition
 number of W (Armstrong 1989, Gautier and Khalil 1992), the reciprocal of its smallest singular
@@ -33,7 +33,7 @@ from scipy import optimize
 
 from hil.model.dynamics import regressor
 from hil.planning.plan import make_plan
-from hil.planning.prediction.precision import torque_scale
+from hil.planning.prediction.information import torque_scale
 from hil.planning.trajectory import ACCELERATION_SHARE, Trajectory
 
 if TYPE_CHECKING:
@@ -349,7 +349,6 @@ def _value(sizes: Array, criterion: ExcitationCriterion) -> float:
 
 
 def _slope(sizes: Array, criterion: ExcitationCriterion) -> Array:
-    """Compute the derivative of the criterion by the singular values."""
     safe = np.maximum(sizes, 1e-12)
     if criterion == "det":
         return -2 / safe

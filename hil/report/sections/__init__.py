@@ -8,13 +8,13 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from hil.report.sections import elements, friction, kept, parameters
+from hil.report.sections import friction, kept, parameters
 
 if TYPE_CHECKING:
     from collections.abc import Callable
 
     from hil.report.reported_run import ReportedRun
-    from hil.show.section import Section
+    from hil.show.outcome import Section
 
 OF_IDENTIFIED: tuple[Callable[[ReportedRun], Section | None], ...] = (
     friction.torque,
@@ -23,13 +23,13 @@ OF_IDENTIFIED: tuple[Callable[[ReportedRun], Section | None], ...] = (
     parameters.identified,
     parameters.excluded,
     kept.advice,
-    elements.measured_and_modelled,
+    parameters.measured_and_modelled,
     kept.load,
     kept.diagnosis,
     kept.bodies,
     friction.friction_over_campaign,
     friction.friction,
-    elements.torques,
+    parameters.torques,
     kept.drive_trains,
     parameters.methods,
     kept.sessions,

@@ -35,7 +35,7 @@ from hil.show.charts.chart import (
     Rule,
     ordered_colours,
 )
-from hil.show.section import Plot, Section
+from hil.show.outcome import Plot, Section
 from hil.view.along_motion import most_demanding
 
 if TYPE_CHECKING:

@@ -15,9 +15,8 @@ from hil.errors import FileError
 from hil.results import consistency
 from hil.results.load_file import LoadFile
 from hil.results.tables.parameters import drive_train
-from hil.show.outcome import Outcome
+from hil.show.outcome import Outcome, Section
 from hil.show.rounding import significant, when
-from hil.show.section import Section
 from hil.show.table import Column, Marked, Part, Table, figures, table
 
 if TYPE_CHECKING:

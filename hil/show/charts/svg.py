@@ -177,7 +177,6 @@ def key(item: Item) -> Iterator[str]:
 
 
 def _area(item: Band, x: Array, low: Array, high: Array) -> str:
-    """Draw an area, with a closed path for every stretch without gaps."""
     there = np.isfinite(x + low + high)
     parts = np.split(np.arange(len(x)), np.flatnonzero(np.diff(there)) + 1)
     edges = (
@@ -200,7 +199,6 @@ def _line(item: Line, x: ArrayLike, y: ArrayLike) -> str:
 
 
 def _path(x: ArrayLike, y: ArrayLike) -> str:
-    """Format the path through points, interrupted at NaN."""
     words, begun = [], False
     for a, b in np.column_stack([np.asarray(x), np.asarray(y)]).tolist():
         there = np.isfinite(a) and np.isfinite(b)
@@ -224,7 +222,6 @@ def _points(item: Points, x: Scale, y: Scale) -> Iterator[str]:
 
 
 def _bars(item: Points, x: Scale, y: Scale) -> str:
-    """Format the path of error bars."""
     value = np.asarray(item.x if item.along else item.y, dtype=float)
     error = np.nan_to_num(np.asarray(item.error, dtype=float))
     own, places = (x, y.place(item.y)) if item.along else (y, x.place(item.x))

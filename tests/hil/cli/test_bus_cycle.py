@@ -9,7 +9,7 @@ from personalities import drives_for
 
 from drivers.canopen.sync_rate import frame_bits
 from hil.planning.trajectory import Trajectory
-from hil.tasks.robot_drives import bus_cycle
+from hil.tasks.measuring import bus_cycle
 
 if TYPE_CHECKING:
     from hil.planning.plan import Plan

@@ -20,8 +20,7 @@ from two_processes import open_bus, plant_process, wake
 
 from hil.planning.plan import Plan, dump_plan
 from hil.runs.run_folder import RunFolder
-from hil.terminal.interruption import interruptible
-from hil.terminal.keys import Keys
+from hil.terminal.keys import Keys, interruptible
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -52,7 +51,7 @@ main()
 INTERRUPTED_IN_GENERATED_CODE = """
 import signal
 from hil import __main__ as program, cli
-from hil.terminal.interruption import interruptible
+from hil.terminal.keys import interruptible
 def command_line():
     try:
         with interruptible(lambda: ""):

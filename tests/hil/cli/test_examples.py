@@ -13,8 +13,7 @@ import pytest
 from every_command import every_command
 from small_run import write_run
 
-from hil.cli import STATUSES, arguments, examples_of
-from hil.cli.examples import EXAMPLES
+from hil.cli import EXAMPLES, STATUSES, arguments, examples_of
 from hil.cli.outputs import Status
 from hil.estimation.identify import METHODS
 from hil.export.formats import FORMATS, RECORDINGS, SIMULATORS

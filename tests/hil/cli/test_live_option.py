@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 import pytest
 
-from hil.cli.live import PORTS, insert_ports
+from hil.cli.measuring import PORTS, insert_ports
 from hil.planning.plan import dump_plan
 
 if TYPE_CHECKING:

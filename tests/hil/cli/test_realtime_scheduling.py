@@ -11,8 +11,8 @@ from typing import TYPE_CHECKING
 
 import pytest
 
-from hil.cli import realtime
-from hil.cli.realtime import PRIORITY, SLICE, Linux, real_time, short_slices
+from hil.cli import doctor
+from hil.cli.doctor import PRIORITY, SLICE, Linux, real_time, short_slices
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -114,9 +114,9 @@ def test_a_system_without_these_calls_grants_nothing_and_runs_all_the_same(
 ) -> None:
     for name in ("sched_setscheduler", "sched_getscheduler", "sched_getaffinity"):
         monkeypatch.delattr(os, name)
-    monkeypatch.setattr(realtime.ctypes, "CDLL", lambda *_a, **_k: object())
-    monkeypatch.setattr(realtime, "_AWAKE", Path("/nowhere"))
-    monkeypatch.setattr(realtime, "_ISOLATED", Path("/nowhere"))
+    monkeypatch.setattr(doctor.ctypes, "CDLL", lambda *_a, **_k: object())
+    monkeypatch.setattr(doctor, "_AWAKE", Path("/nowhere"))
+    monkeypatch.setattr(doctor, "_ISOLATED", Path("/nowhere"))
     with real_time() as measures:
         assert not any(map(granted, measures))
 
@@ -153,7 +153,7 @@ def test_a_short_slice_is_given_back_and_missed_by_nobody() -> None:
 def test_a_processor_whose_calls_are_not_known_is_asked_for_no_slice(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    monkeypatch.setattr(realtime.platform, "machine", lambda: "z80")
+    monkeypatch.setattr(doctor.platform, "machine", lambda: "z80")
     with short_slices():
         pass
 
@@ -186,7 +186,7 @@ def test_isolated_cores_are_read_as_the_kernel_lists_them(
 ) -> None:
     path = tmp_path / "isolated"
     path.write_text(text)
-    monkeypatch.setattr(realtime, "_ISOLATED", path)
+    monkeypatch.setattr(doctor, "_ISOLATED", path)
     assert Linux().isolated() == cores
 
 

@@ -42,7 +42,7 @@ LONG = [
     ("plan manutec-r15 --kind trajectory -o NEW", "planning.design.trajectories.design_trajectory",
      "optimising a trajectory of 6 axes and 15 harmonics"),
     ("dry-run PLAN", "tasks.measuring.checked", LIMITS),
-    ("dry-run PLAN", "planning.prediction.precision.predict", "predicting the precision"),
+    ("dry-run PLAN", "planning.prediction.information.predict", "predicting the precision"),
     ("view PLAN", "view.page.write_page", "making the page"),
     ("run PLAN -o NEW", "tasks.measuring.checked", LIMITS),
     ("run PLAN --symmetric RUN -o NEW", "commands.friction.refuse_asymmetric",

@@ -24,7 +24,7 @@ from hil.model.drive_train_file import CoupledMotor, Spring
 from hil.model.dynamics import inverse_dynamics
 from hil.model.frames import body_parameters
 from hil.model.robot import Robot
-from hil.planning.prediction.precision import whole_range
+from hil.planning.prediction.information import whole_range
 
 JOINT = {
     "frame": {"alpha": 0.0},

@@ -12,8 +12,8 @@ from hil.estimation.excluded.result import Limit
 from hil.model.dynamics import inverse_dynamics
 from hil.planning.design.by_counts import design
 from hil.planning.measurement import Friction
+from hil.planning.prediction.information import whole_range
 from hil.planning.prediction.noise import stated_noise
-from hil.planning.prediction.precision import whole_range
 from hil.planning.trajectory import Trajectory
 from hil.results.tables import excluded
 

@@ -15,9 +15,8 @@ from compiled_code import COMPILER, STRICT, called, compiled, module, needs_comp
 from stated_model import stated_model
 
 from hil.export.expressions import count
-from hil.export.functions import rigid
+from hil.export.functions import count_whole_links, rigid
 from hil.export.languages import write_c, write_python
-from hil.export.rigid_bodies import count_whole_links
 from hil.export.source_code import identifier
 from hil.model.robot import Robot, parse_robot
 from hil.results.samples import known_warmth

@@ -8,8 +8,8 @@ from hil.estimation.identify import estimate
 from hil.friction.ripple import orders_left_out, ripple_left_out, ripple_orders
 from hil.model.robot import Robot
 from hil.planning.design.by_counts import design
+from hil.planning.prediction.information import predict
 from hil.planning.prediction.noise import stated_noise
-from hil.planning.prediction.precision import predict
 
 TRUTH = np.array([0.6, 0.1, 0.5, 2.0])
 

@@ -24,7 +24,7 @@ from hil.planning.measurement import Gravity
 from hil.planning.plan import repeat_measurements
 from hil.runs import SIMULATED
 from hil.runs.run_folder import RunFolder
-from hil.terminal.interruption import STATUS
+from hil.terminal.keys import STATUS
 
 if TYPE_CHECKING:
     from collections.abc import Sequence

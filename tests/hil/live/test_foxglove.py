@@ -22,8 +22,7 @@ pytest.importorskip("rosbags")
 from foxglove_client import PATIENCE, FoxgloveClient, connected, subscribe
 from rosbags.typesys import Stores, get_typestore
 
-from hil.cli.live import Shown, insert_ports, listeners
-from hil.cli.measuring import OnBus, measure
+from hil.cli.measuring import OnBus, Shown, insert_ports, listeners, measure
 from hil.export.recordings.ros_messages import FAULT, OK, STALE, WARNING, RosMessages
 from hil.live import lines
 from hil.live.foxglove_server import TOPICS, RosLines

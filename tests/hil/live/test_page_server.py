@@ -544,7 +544,7 @@ def test_the_server_ends_with_the_run_and_says_so(page: Served) -> None:
 
 @pytest.mark.parametrize(
     ("module", "needed"),
-    [(SERVER, set()), ("hil.cli.trying, hil.cli.live, hil.live.audience", {"rich", "typer"})],
+    [(SERVER, set()), ("hil.cli.trying, hil.cli.measuring, hil.live.audience", {"rich", "typer"})],
 )
 def test_it_is_there_before_numerics_and_the_bus_are_loaded(module: str, needed: set[str]) -> None:
     program = f"import sys; import {module}; print(*sys.modules)"

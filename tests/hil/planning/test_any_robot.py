@@ -20,8 +20,8 @@ from hil.planning.design.by_minutes import design_within
 from hil.planning.design.trajectories import Search, design_trajectory
 from hil.planning.dry_run import dry_run
 from hil.planning.plan import Plan, PlannedRobot, dump_plan
+from hil.planning.prediction.information import predict
 from hil.planning.prediction.noise import stated_noise
-from hil.planning.prediction.precision import predict
 
 if TYPE_CHECKING:
     from collections.abc import Callable

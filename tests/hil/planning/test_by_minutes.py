@@ -7,16 +7,15 @@ import pytest
 
 from hil.model.base_parameters import base_parameters
 from hil.planning.design import by_minutes, candidates
-from hil.planning.design.by_counts import design
+from hil.planning.design.by_counts import TRAVEL, design
 from hil.planning.design.by_minutes import CORE, Selection, design_within, refine
 from hil.planning.design.candidates import pool
-from hil.planning.design.tour import TRAVEL
 from hil.planning.design.trajectories import Search
 from hil.planning.dry_run import dry_run
 from hil.planning.measurement import axes_lacking_law
 from hil.planning.plan import dump_plan, make_plan
+from hil.planning.prediction.information import covariance, information, precision, torque_scale
 from hil.planning.prediction.noise import stated_noise
-from hil.planning.prediction.precision import covariance, information, precision, torque_scale
 from hil.planning.timetable import travel_time, travel_times
 from hil.planning.workspace import Box, Workspace
 

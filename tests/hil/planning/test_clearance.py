@@ -9,10 +9,8 @@ from sampled_depth import sampled_depth
 from checked_files.yaml_file import FileError
 from hil.model.capsules import DEFAULT_RADIUS, capsules, segments
 from hil.model.robot import Robot, parse_robot
-from hil.planning.clearance import RESOLUTION, are_clear, box_distance, find_hits
-from hil.planning.path_clearance import JointBoxes
-from hil.planning.timetable import SKEW, Travels
-from hil.planning.workspace import Box, Workspace
+from hil.planning.timetable import SKEW, JointBoxes, Travels
+from hil.planning.workspace import RESOLUTION, Box, Workspace, are_clear, box_distance, find_hits
 
 SEEDS = st.integers(0, 2**32 - 1)
 

@@ -20,8 +20,8 @@ from hil.model.robot import Robot
 from hil.planning.design import by_minutes, candidates
 from hil.planning.design.by_counts import LEAST_SHARE, design
 from hil.planning.dry_run import dry_run
+from hil.planning.prediction.information import predict
 from hil.planning.prediction.noise import stated_noise
-from hil.planning.prediction.precision import predict
 from hil.results.advice import CampaignResult, advice, error_budget
 from hil.results.model import Model
 from hil.results.prediction import effect_of_errors

@@ -8,9 +8,8 @@ import pytest
 from hil.model.robot import Robot
 from hil.planning.design.trajectories import Search, design_trajectory
 from hil.planning.dry_run import dry_run
-from hil.planning.lag import MARGIN, Following, check_lag, find_largest_lag
 from hil.planning.plan import make_plan
-from hil.planning.trajectory import Trajectory
+from hil.planning.trajectory import MARGIN, Following, Trajectory, check_lag, find_largest_lag
 
 SEARCH = Search(random=20, refined=1, steps=5)
 WAVE = Trajectory(

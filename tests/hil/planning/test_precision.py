@@ -15,9 +15,15 @@ from hil.model.base_parameters import base_parameters
 from hil.model.robot import parse_robot
 from hil.planning.design.by_counts import design
 from hil.planning.measurement import ELEMENT_KINDS
-from hil.planning.prediction.information import forecast, shares
+from hil.planning.prediction.information import (
+    Information,
+    covariance,
+    forecast,
+    predict,
+    shares,
+    torque_scale,
+)
 from hil.planning.prediction.noise import Differences, Noise, stated_noise
-from hil.planning.prediction.precision import Information, covariance, predict, torque_scale
 from hil.runs.recording import IDLE, Recording
 
 PERIOD = 0.004

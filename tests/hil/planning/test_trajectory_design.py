@@ -23,7 +23,7 @@ from hil.planning.design.trajectories import (
 )
 from hil.planning.dry_run import dry_run
 from hil.planning.plan import Plan, PlannedRobot, dump_plan
-from hil.planning.prediction import precision
+from hil.planning.prediction import information
 from hil.planning.strokes import REST
 from hil.planning.trajectory import ACCELERATION_SHARE, Trajectory
 
@@ -170,7 +170,7 @@ def test_no_criterion_minds_the_units_of_parameters(
         return regressor(*motion, **joints) / finer
 
     monkeypatch.setattr(trajectories, "regressor", convert_units)
-    monkeypatch.setattr(precision, "regressor", convert_units)
+    monkeypatch.setattr(information, "regressor", convert_units)
     assert Basis(robot, 10.0).judge(x, criterion) == pytest.approx(value, abs=1e-6)
 
 

@@ -20,8 +20,8 @@ from hil.planning.design.trajectories import Basis, Search, condition, design_tr
 from hil.planning.dry_run import dry_run
 from hil.planning.measurement import Coupling, Gravity, Inertia
 from hil.planning.plan import make_plan
+from hil.planning.prediction.information import predict
 from hil.planning.prediction.noise import stated_noise
-from hil.planning.prediction.precision import predict
 from sim_plant.twin.write import write_twin
 
 FILE = Path(__file__).parents[2] / "robots" / "two-arms.yaml"

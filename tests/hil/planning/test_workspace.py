@@ -19,8 +19,7 @@ from hil.planning.dry_run import dry_run
 from hil.planning.measurement import Gravity
 from hil.planning.plan import Plan, WarmUp, dump_plan, load_plan, load_workspace, remarks
 from hil.planning.workspace import Box, Workspace
-from hil.tasks.measuring import describe_problems
-from hil.tasks.robot_drives import narrowed_drives
+from hil.tasks.measuring import describe_problems, narrowed_drives
 
 FLOOR = Box(name="floor", low=(-3, -3, -1.5), high=(3, 3, -0.8), ignore_links=(1,))
 POST = Box(name="post", low=(0.7, 0.3, -0.8), high=(0.9, 0.5, 1.0))

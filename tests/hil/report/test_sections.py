@@ -14,7 +14,7 @@ from hil.planning.design.friction import sweep
 from hil.report import page, sections
 from hil.runs.run import Run
 from hil.show.html import TEMPLATES
-from hil.show.section import Plot, Section
+from hil.show.outcome import Plot, Section
 from hil.show.table import Column, Part, Table
 
 if TYPE_CHECKING:

@@ -119,7 +119,7 @@ def test_a_damaged_file_is_as_none(copy: Path, damage: Any) -> None:
     "foreign",
     [
         {"record": "hil.results.findings:import_module", "value": "stranger"},
-        {"record": "hil.view.packed:CDLL", "value": None},
+        {"record": "hil.view.page:CDLL", "value": None},
         {"record": "hil.results.findings:Path", "value": "a"},
         {"record": "hil.runs.run:Run.open", "value": "a"},
         {"record": "hil.view.page:Markup", "value": "<b>"},

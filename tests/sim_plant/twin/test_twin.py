@@ -20,7 +20,7 @@ from hil.ground_truth.true_parameters import true_parameters
 from hil.model.base_parameters import base_parameters
 from hil.model.dynamics import inverse_dynamics
 from hil.model.robot import Robot
-from hil.tasks.robot_drives import load_robots_drives
+from hil.tasks.measuring import load_robots_drives
 from sim_plant import build
 from sim_plant.__main__ import app
 from sim_plant.physics.reflected_inertia import configurations, gravity_torques, mass_matrix
