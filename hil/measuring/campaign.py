@@ -52,7 +52,6 @@ if TYPE_CHECKING:
     from drivers.drive_bus import AxisInfo, DriveBus
     from hil.measuring.events import Event
     from hil.model.robot import Robot
-    from hil.planning.measurement import Measurement
     from hil.planning.plan import Plan
     from hil.planning.strokes import Strokes
     from hil.planning.trapezoid import Trapezoid
@@ -337,10 +336,19 @@ def rehearse(
     """
     refuse_other_bus(plan, robot, bus)
     here = locate(bus)
-    left = _durations(plan, robot, here.q, speed)
-    number = len(left)
+    slow, number = min(1.0, speed / plan.travel), len(plan.measurements)
+    # expected durations of the measurements, with the travel to each [s]
+    left, place = [], here.q
+    for measurement in plan.measurements:
+        way = travel_time(robot, place, measurement.start, plan.travel) / slow + SETTLING
+        if measurement.streamed:
+            motion = measurement.period / pace(measurement, robot, speed)
+        else:
+            strokes = [profile.duration for _, profile in _slowed(measurement, robot, speed)]
+            motion = sum(strokes) + TURN * len(strokes)
+        left.append(way + motion)
+        place = measurement.start
     yield Started(here.time, sum(left), number, number)
-    slow = min(1.0, speed / plan.travel)
     for measurement in plan.measurements:
         now = travel(bus, robot, measurement.start, plan.travel, plan.workspace, slow)
         yield Travelled(now.time, sum(left), measurement)
@@ -372,22 +380,3 @@ def _slowed(measurement: Strokes, robot: Robot, speed: float) -> Iterator[tuple[
                 acceleration=slow**2 * profile.acceleration,
             ),
         )
-
-
-def _durations(plan: Plan, robot: Robot, start: Sequence[float], speed: float) -> list[float]:
-    """Return the expected durations of the measurements, including travel [s]."""
-    slow = min(1.0, speed / plan.travel)
-    durations, here = [], start
-    for measurement in plan.measurements:
-        way = travel_time(robot, here, measurement.start, plan.travel) / slow + SETTLING
-        durations.append(way + _duration(measurement, robot, speed))
-        here = measurement.start
-    return durations
-
-
-def _duration(measurement: Measurement, robot: Robot, speed: float) -> float:
-    """Return the expected duration of a measurement's own motions [s]."""
-    if measurement.streamed:
-        return measurement.period / pace(measurement, robot, speed)
-    strokes = [profile.duration for _, profile in _slowed(measurement, robot, speed)]
-    return sum(strokes) + TURN * len(strokes)

@@ -136,6 +136,17 @@ def dry_run(
                 Problem(("measurements", number, "sine"), message)
                 for message in check_lag(measurement, robot, following)
             ]
+    problems = list(measurements)
+    if bus is not None and bus.duration > bus.most * plan.sample_period:
+        load, longest = bus.duration / plan.sample_period, bus.duration / bus.most
+        problems.append(
+            Problem(
+                ("sample_period",),
+                f"{plan.sample_period:g} s loads the bus with {load:.0%} at {bus.bitrate} bit/s, at"
+                f" most {bus.most:.0%} allowed; sample every {math.ceil(longest * 1e4) / 1e4:g} s "
+                "or use a faster bus",
+            )
+        )
     total: defaultdict[str, float] = defaultdict(float)
     for entry in timetable(plan, robot, plan.measurements):
         total[entry.measurement.kind] += entry.duration
@@ -147,7 +158,7 @@ def dry_run(
         durations=dict(total),
         bus=bus,
         bus_load=bus.duration / plan.sample_period if bus else 0.0,
-        problems=tuple(measurements + list(_check_load(bus, plan))),
+        problems=tuple(problems),
         without_law=axes_lacking_law(plan.measurements, robot.n_joints)
         if any(shows_parameters(each) for each in plan.measurements)
         else {},
@@ -164,17 +175,6 @@ def measurement_problems(plan: Plan, robot: Robot) -> list[Problem]:
         for number, measurement in enumerate(plan.measurements)
         for problem in _check(number, measurement, guarded, plan.sample_period)
     ]
-
-
-def _check_load(bus: BusCycle | None, plan: Plan) -> Iterator[Problem]:
-    if bus is not None and bus.duration > bus.most * plan.sample_period:
-        load, longest = bus.duration / plan.sample_period, bus.duration / bus.most
-        yield Problem(
-            ("sample_period",),
-            f"{plan.sample_period:g} s loads the bus with {load:.0%} at {bus.bitrate} bit/s, at "
-            f"most {bus.most:.0%} allowed; sample every {math.ceil(longest * 1e4) / 1e4:g} s or "
-            "use a faster bus",
-        )
 
 
 def _check(number: int, measurement: Measurement, robot: Robot, period: float) -> Iterator[Problem]:

@@ -8,14 +8,12 @@ whose import alone takes longer than the design of a plan.
 from __future__ import annotations
 
 import math
-from itertools import count, islice
+from itertools import count
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator
-
     from hil.arrays import Array
 
 
@@ -25,19 +23,16 @@ GOLDEN = (math.sqrt(5.0) - 1.0) / 2.0
 
 def halton(n: int, dimensions: int) -> Array:
     """Return points 1 to n of the sequence, shape (n, dimensions), coordinates within 0 ... 1."""
-    points = np.zeros((n, dimensions))
-    for k, base in enumerate(islice(_primes(), dimensions)):
+    points, primes = np.zeros((n, dimensions)), list[int]()
+    for number in count(2):
+        if len(primes) == dimensions:
+            break
+        if all(number % prime for prime in primes):
+            primes.append(number)
+    for k, base in enumerate(primes):
         share, left = 1.0 / base, np.arange(1, n + 1)
         while left.any():
             points[:, k] += left % base * share
             share /= base
             left //= base
     return points
-
-
-def _primes() -> Iterator[int]:
-    found: list[int] = []
-    for number in count(2):
-        if all(number % prime for prime in found):
-            found.append(number)
-            yield number

@@ -95,7 +95,20 @@ def misfits(workspace: Workspace, robot: Robot) -> Iterator[tuple[Place, str]]:
         if not 1 <= joint <= robot.n_joints:
             yield ("ranges", joint), f"{robot.name} has joints 1 to {robot.n_joints}"
         else:
-            yield from _range(joint, low, high, robot)
+            least, most = float(robot.q_min[joint - 1]), float(robot.q_max[joint - 1])
+            if low >= least and high <= most:
+                continue
+            revolute = bool(robot.revolute[joint - 1])
+            unit, other = ("rad", "degrees") if revolute else ("m", "millimetres")
+            si = [math.radians(value) if revolute else value / 1000 for value in (low, high)]
+            hint = ""
+            if si[0] >= least and si[1] <= most:
+                hint = f"; in {other}? then write [{si[0]:.5g}, {si[1]:.5g}]"
+            yield (
+                ("ranges", joint),
+                f"{low:g} ... {high:g} must lie within the range of the robot file,"
+                f" {least:g} ... {most:g} {unit}; a workspace narrows, it never widens{hint}",
+            )
     sound = True
     for number, box in enumerate(workspace.boxes):
         for place, reason in _check_box(box, robot):
@@ -122,23 +135,6 @@ def remarks(workspace: Workspace | None, robot: Robot) -> list[str]:
                 "(m) and ignore_links"
             )
     return lines
-
-
-def _range(joint: int, low: float, high: float, robot: Robot) -> Iterator[tuple[Place, str]]:
-    least, most = float(robot.q_min[joint - 1]), float(robot.q_max[joint - 1])
-    if low >= least and high <= most:
-        return
-    revolute = bool(robot.revolute[joint - 1])
-    unit, other = ("rad", "degrees") if revolute else ("m", "millimetres")
-    si = [math.radians(value) if revolute else value / 1000 for value in (low, high)]
-    hint = ""
-    if si[0] >= least and si[1] <= most:
-        hint = f"; in {other}? then write [{si[0]:.5g}, {si[1]:.5g}]"
-    yield (
-        ("ranges", joint),
-        f"{low:g} ... {high:g} must lie within the range of the robot file,"
-        f" {least:g} ... {most:g} {unit}; a workspace narrows, it never widens{hint}",
-    )
 
 
 def _check_box(box: Box, robot: Robot) -> Iterator[tuple[Place, str]]:
@@ -207,7 +203,15 @@ def opened_plan(
     source = str(plan) if isinstance(plan, (str, Path)) else "plan"
     the_plan = plan if isinstance(plan, Plan) else load_plan(Path(plan))
     if not isinstance(robot, Robot):
-        robot = Robot.load(robot or _robot_file(the_plan, Path(source)))
+        named: str | Path = the_plan.robot.name
+        if the_plan.robot.file is not None:
+            named = Path(source).parent / the_plan.robot.file
+            if robot is None and not named.exists():
+                raise FileError(
+                    f"{source}: robot.file: {named} does not exist; name the robot file with "
+                    "--robot"
+                )
+        robot = Robot.load(robot or named)
     refuse_unknown(robot)
     refuse_other_robot(the_plan, robot, source)
     if workspace is not None:
@@ -215,18 +219,6 @@ def opened_plan(
             workspace = load_workspace(Path(workspace), robot)
         the_plan = the_plan.model_copy(update={"workspace": workspace})
     return the_plan, robot
-
-
-def _robot_file(the_plan: Plan, source: Path) -> str | Path:
-    """Return the name of the plan's robot, or the path of an existing robot file."""
-    if the_plan.robot.file is None:
-        return the_plan.robot.name
-    path = source.parent / the_plan.robot.file
-    if not path.exists():
-        raise FileError(
-            f"{source}: robot.file: {path} does not exist; name the robot file with --robot"
-        )
-    return path
 
 
 class PlannedRobot(FileModel):

@@ -254,7 +254,10 @@ def check_lag(trajectory: Trajectory, robot: Robot, following: Following) -> Ite
     """Yield axes with a following error beyond the drive's window for longer than the timeout."""
     lags = _lags(trajectory, following)
     for axis, (window, time) in enumerate(zip(following.window, following.time, strict=True)):
-        lasts = _longest(lags[:, axis] > window) * trajectory.period / SAMPLES
+        # the longest run of samples in the periodic sequence
+        within = np.flatnonzero(~np.tile(lags[:, axis] > window, 2))
+        longest = int(np.diff(within).max(initial=1)) - 1 if len(within) else SAMPLES
+        lasts = longest * trajectory.period / SAMPLES
         if lasts > time:
             unit, most = robot.position_unit(axis), float(lags[:, axis].max())
             yield (
@@ -268,11 +271,3 @@ def check_lag(trajectory: Trajectory, robot: Robot, following: Following) -> Ite
 def _lags(trajectory: Trajectory, following: Following) -> Array:
     t = np.linspace(0.0, trajectory.period, SAMPLES, endpoint=False)
     return np.abs(trajectory.motion(t)[1]) * following.lag
-
-
-def _longest(beyond: Array) -> int:
-    """Return the longest run of samples in a periodic sequence."""
-    if beyond.all():
-        return len(beyond)
-    runs = np.diff(np.flatnonzero(~np.concatenate([beyond, beyond])))
-    return int(runs.max()) - 1 if len(runs) else 0

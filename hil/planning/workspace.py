@@ -192,8 +192,18 @@ def find_hits(
         undecided = (possible > best[owner]) & ~small
         if not deepest:
             undecided &= best[owner] == 0.0
-        if undecided.any():
-            cells.append(_halve(robot, owner[undecided], low[undecided], high[undecided]))
+        if not undecided.any():
+            continue
+        # halve the cells across the parameter with the largest effect on the arm
+        owner, low, high = owner[undecided], low[undecided], high[undecided]
+        span = high - low
+        if low.shape[1] == robot.n_joints:
+            span = span * reach.max(axis=0)
+        widest, rows = span.argmax(axis=1), np.arange(len(owner))
+        lower, upper = high.copy(), low.copy()
+        lower[rows, widest] = upper[rows, widest] = (low + high)[rows, widest] / 2
+        halves = np.concatenate([low, upper]), np.concatenate([lower, high])
+        cells.append((np.concatenate([owner, owner]), *halves))
     return found
 
 
@@ -251,19 +261,3 @@ def intrusions(robot: Robot, workspace: Workspace, q: Array) -> Array:
         depths[:, :, number] = keep - away
         depths[:, [link - 1 for link in box.ignore_links], number] = -np.inf
     return depths
-
-
-def _halve(robot: Robot, owner: Indices, low: Array, high: Array) -> tuple[Indices, Array, Array]:
-    """Halve cells across the parameter with the largest effect on the arm."""
-    span = high - low
-    if low.shape[1] == robot.n_joints:
-        span = span * capsules(robot).reach.max(axis=0)
-    widest, rows = span.argmax(axis=1), np.arange(len(owner))
-    middle = (low[rows, widest] + high[rows, widest]) / 2
-    lower, upper = high.copy(), low.copy()
-    lower[rows, widest] = upper[rows, widest] = middle
-    return (
-        np.concatenate([owner, owner]),
-        np.concatenate([low, upper]),
-        np.concatenate([lower, high]),
-    )

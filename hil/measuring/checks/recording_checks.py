@@ -36,7 +36,7 @@ if TYPE_CHECKING:
 
     Check = Callable[[Recording, Any, Robot], Iterable[Finding]]
     from hil.arrays import Indices
-    from hil.planning.strokes import Partner, Strokes
+    from hil.planning.strokes import Strokes
     from hil.planning.trapezoid import Trapezoid
 
 
@@ -195,27 +195,21 @@ def partners(recording: Recording, measurement: Strokes, robot: Robot) -> Iterat
     """Yield findings of a partner without strokes forth and back in a creep stroke, or too slow."""
     for stroke in range(measurement.n_strokes):
         for partner in measurement.partners:
-            yield from _partner(recording, measurement, stroke, partner, robot)
-
-
-def _partner(
-    recording: Recording, measurement: Strokes, stroke: int, partner: Partner, robot: Robot
-) -> Iterator[Finding]:
-    numbers = recording.partner_stroke[recording.span(stroke)]
-    strokes = np.unique(numbers[numbers >= 0])
-    if len(strokes) < 2:
-        yield Finding(
-            "partner",
-            f"{_name(stroke)}: {len(strokes)} strokes of the partner axis meanwhile, must be at "
-            "least 2; plan a longer stroke of the creeping axis",
-            len(strokes),
-            2,
-        )
-    for number in strokes:
-        span, name = recording.partner_span(int(number)), f"partner's {_name(int(number))}"
-        profile = partner.profile(measurement.q, int(number))
-        unit = _unit(robot, partner.index)
-        yield from _peak(recording, span, partner.index, profile, "partner", name, unit)
+            numbers = recording.partner_stroke[recording.span(stroke)]
+            strokes = np.unique(numbers[numbers >= 0])
+            if len(strokes) < 2:
+                yield Finding(
+                    "partner",
+                    f"{_name(stroke)}: {len(strokes)} strokes of the partner axis meanwhile, must "
+                    "be at least 2; plan a longer stroke of the creeping axis",
+                    len(strokes),
+                    2,
+                )
+            for number in strokes:
+                span, name = recording.partner_span(int(number)), f"partner's {_name(int(number))}"
+                profile = partner.profile(measurement.q, int(number))
+                unit = _unit(robot, partner.index)
+                yield from _peak(recording, span, partner.index, profile, "partner", name, unit)
 
 
 def _peak(

@@ -74,7 +74,14 @@ def design(
     ValueError
         A count too small to identify the group's parameters, or no clear configurations.
     """
-    _refuse_few(robot, counts or {})
+    groups = base_parameters(robot).groups
+    for name, count in (counts or {}).items():
+        least = len(groups[group := ELEMENT_KINDS[name].group])
+        if count < least:
+            raise ValueError(
+                f"{count} measurements for the {group} group must be at least {least}, one for "
+                "each parameter; raise the count"
+            )
     sought = base_parameters(robot).dependencies.sought()
     guarded = narrow_ranges(robot, workspace)
     measurements: list[Measurement] = []
@@ -84,7 +91,7 @@ def design(
             elements = ELEMENTS[name](guarded, list(columns))
             # by default at least 3 measurements per parameter
             usual = max(COUNTS[name], 3 * len(columns))
-            count = (counts or {}).get(name)
+            wanted = (counts or {}).get(name)
             spread = [candidates(guarded, element, workspace) for element in elements]
             weighted = [
                 element.row(q) / guarded.torque_limit[element.axis]
@@ -94,7 +101,7 @@ def design(
             covariance = 1e3 * np.eye(len(scale))
             chosen: list[Chosen] = []
             for element, q, rows, share in zip(
-                elements, spread, weighted, _shares(elements, weighted, count, usual), strict=True
+                elements, spread, weighted, _shares(elements, weighted, wanted, usual), strict=True
             ):
                 picked = greedy(rows / scale, places(guarded, q), covariance, share)
                 chosen += [
@@ -138,17 +145,6 @@ def places(robot: Robot, q: Array) -> Array:
     """Return configurations as shares of the joint ranges, without joints held constant."""
     varied = np.ptp(q, axis=0) > 0
     return (q / (robot.q_max - robot.q_min))[:, varied]
-
-
-def _refuse_few(robot: Robot, counts: Mapping[str, int]) -> None:
-    groups = base_parameters(robot).groups
-    for name, count in counts.items():
-        group = ELEMENT_KINDS[name].group
-        if count < len(groups[group]):
-            raise ValueError(
-                f"{count} measurements for the {group} group must be at least "
-                f"{len(groups[group])}, one for each parameter; raise the count"
-            )
 
 
 def _shares(

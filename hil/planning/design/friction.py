@@ -19,7 +19,7 @@ the sweep ends below the speed limit.
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -182,28 +182,22 @@ class _Bench:
         self, name: str, axis: int, velocity: float, cycles: int = 2, **history: float | None
     ) -> Friction:
         """Create the measurement of a speed; the speeds of an axis share a configuration."""
-        motion = self._motion(axis, velocity)
+        room = self.room(axis)
+        left = room - velocity * SHORT_WINDOW
+        easy = EASY * float(self._robot.acceleration_limit[axis])
+        acceleration = max(min(easy, velocity / RAMP_OF_CREEP), velocity**2 / left)
+        turn = math.tau / float(self._robot.gear_ratio[axis]) + velocity * (WINDOW - SHORT_WINDOW)
+        ramps = Trapezoid(0.0, 1e9, velocity, acceleration).ramp * 2
         return Friction(
             id=name,
             axis=axis + 1,
             q=self._place(axis),
+            stroke=min(ramps + max(velocity * WINDOW, turn), room),
             velocity=velocity,
+            acceleration=acceleration,
             cycles=cycles,
-            **motion,
             **history,
         )
-
-    def _motion(self, axis: int, velocity: float) -> dict[str, Any]:
-        room = self.room(axis)
-        acceleration = min(
-            EASY * float(self._robot.acceleration_limit[axis]), velocity / RAMP_OF_CREEP
-        )
-        left = room - velocity * SHORT_WINDOW
-        acceleration = max(acceleration, velocity**2 / left)
-        turn = math.tau / float(self._robot.gear_ratio[axis]) + velocity * (WINDOW - SHORT_WINDOW)
-        ramps = Trapezoid(0.0, 1e9, velocity, acceleration).ramp * 2
-        stroke = min(ramps + max(velocity * WINDOW, turn), room)
-        return {"stroke": stroke, "acceleration": acceleration}
 
     def _place(self, axis: int) -> tuple[float, ...]:
         """Return mid-range joint positions, or ones where the whole stroke is clear of boxes."""

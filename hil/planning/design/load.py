@@ -444,7 +444,16 @@ def _within_torque(
     found = []
     for option in options:
         for share in SLOWER[:1] if _is_slow(option.measurement) else SLOWER:
-            slower = _slow_down(option.measurement, share)
+            slower = option.measurement
+            if share != 1.0 and not slower.streamed:
+                moved = slower.partners[0] if slower.partners else slower
+                slow: dict[str, object] = {
+                    "velocity": math.sqrt(share) * moved.velocity,
+                    "acceleration": share * moved.acceleration,
+                }
+                if moved is not slower:
+                    slow = {"partner": moved.model_dump() | slow}
+                slower = replace_values(slower, **slow)
             if bare.strain(slower, loads) <= HOLD:
                 worth = option.worth if share == 1.0 else bare.judge(slower)
                 found.append(replace(option, measurement=slower, worth=worth))
@@ -455,19 +464,6 @@ def _within_torque(
 def _is_slow(measurement: ParameterMeasurement) -> bool:
     """Return True if torques are read only at constant velocity."""
     return not measurement.streamed and not any(measurement.unit_acceleration)
-
-
-def _slow_down(measurement: ParameterMeasurement, share: float) -> ParameterMeasurement:
-    if share == 1.0 or measurement.streamed:
-        return measurement
-    moved = measurement.partners[0] if measurement.partners else measurement
-    slow: dict[str, object] = {
-        "velocity": math.sqrt(share) * moved.velocity,
-        "acceleration": share * moved.acceleration,
-    }
-    if moved is not measurement:
-        slow = {"partner": moved.model_dump() | slow}
-    return replace_values(measurement, **slow)
 
 
 def _choose(bare: WithoutLoad, options: Sequence[Option], known: Array, seconds: float) -> Plan:

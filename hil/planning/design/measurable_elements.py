@@ -235,8 +235,17 @@ def gravity_elements(robot: Robot, columns: list[int]) -> list[Element]:
 
     def element(i: int) -> Element:
         motion = gravity_motion(robot, i)
+
+        def row(q: Array) -> Array:
+            """Return rows of the gravity torque, with columns for the torque offset per axis."""
+            still = np.zeros_like(q)
+            gravity = regressor(robot, q, still, still, joints=[i])[:, 0, columns]
+            offsets = np.zeros((len(q), len(axes)))
+            offsets[:, axes.index(i)] = robot.torque_limit[i]
+            return np.column_stack([gravity, offsets])
+
         return Element(
-            i, i, {i: motion["stroke"]}, _gravity_row(robot, i, axes, columns),
+            i, i, {i: motion["stroke"]}, row,
             lambda name, q, _: Gravity(id=name, axis=i + 1, q=tuple(q), **motion),
             like_offset=True,
         )  # fmt: skip
@@ -284,7 +293,15 @@ def _coupling_elements(robot: Robot, columns: list[int]) -> list[Element]:
         strokes = {j: creep["stroke"], i: partner.stroke}
         return Element(j, i, strokes, _inertia_row(robot, j, i, columns), measure)
 
-    return [element(j, i) for j, i in _pairs(robot, columns)]
+    # of the elements with a parameter, the one with the clearest torque: the accelerated axis is
+    # fast, and the creeping axis has a small torque limit, so little noise and friction
+    mass, pairs = base_parameters(robot).dependencies.mass, []
+    for column in columns:
+        elements = [(j, i) for j, i in np.argwhere(mass[:, :, column]).tolist() if i != j]
+        pairs.append(
+            max(elements, key=lambda e: robot.acceleration_limit[e[1]] / robot.torque_limit[e[0]])
+        )
+    return [element(j, i) for j, i in dict.fromkeys(pairs)]
 
 
 ELEMENTS: dict[str, Callable[[Robot, list[int]], list[Element]]] = {
@@ -326,36 +343,20 @@ def candidates(robot: Robot, element: Element, workspace: Workspace | None) -> A
     for number, branch in enumerate(robot.branches):
         others = [joint for joint in joints if joint not in branch]
         q[number :: len(robot.branches), others] = middle[others]
-    return _clear(robot, workspace, element.strokes, q) if workspace else q
-
-
-def _pairs(robot: Robot, columns: list[int]) -> list[tuple[int, int]]:
-    """Return creeping and accelerated axis for every off-diagonal parameter.
-
-    Of the elements with a parameter, the one with the clearest torque is taken: the accelerated
-    axis is fast, and the creeping axis has a small torque limit, so little noise and friction.
-    """
-    mass = base_parameters(robot).dependencies.mass
-    found = []
-    for column in columns:
-        elements = [(j, i) for j, i in np.argwhere(mass[:, :, column]).tolist() if i != j]
-        found.append(
-            max(elements, key=lambda e: robot.acceleration_limit[e[1]] / robot.torque_limit[e[0]])
+    if workspace is None:
+        return q
+    # strokes clear of the boxes at any motor angle
+    reach = np.zeros(n)
+    for i, stroke in element.strokes.items():
+        reach[i] = stroke / 2 + _turn(robot, i) / 2
+    clear = q[are_clear(robot, workspace, JointBoxes(q - reach, q + reach))]
+    if not len(clear):
+        axes = " and ".join(str(i + 1) for i in element.strokes)
+        raise ValueError(
+            f"no configuration with axis {axes} in motion keeps clear of the workspace's boxes;"
+            " make boxes or margin smaller"
         )
-    return list(dict.fromkeys(found))
-
-
-def _gravity_row(robot: Robot, axis: int, axes: list[int], columns: list[int]) -> Row:
-    """Return rows of the gravity torque, with columns for the torque offset per axis."""
-
-    def row(q: Array) -> Array:
-        still = np.zeros_like(q)
-        gravity = regressor(robot, q, still, still, joints=[axis])[:, 0, columns]
-        offsets = np.zeros((len(q), len(axes)))
-        offsets[:, axes.index(axis)] = robot.torque_limit[axis]
-        return np.column_stack([gravity, offsets])
-
-    return row
+    return clear
 
 
 def _inertia_row(robot: Robot, axis: int, accelerated: int, columns: list[int]) -> Row:
@@ -366,21 +367,6 @@ def _inertia_row(robot: Robot, axis: int, accelerated: int, columns: list[int]) 
         return (moving - at_rest)[:, 0, columns]
 
     return row
-
-
-def _clear(robot: Robot, workspace: Workspace, strokes: dict[int, float], q: Array) -> Array:
-    """Return candidates with strokes clear of the boxes at any motor angle."""
-    half = np.zeros(robot.n_joints)
-    for i, stroke in strokes.items():
-        half[i] = stroke / 2 + _turn(robot, i) / 2
-    clear = q[are_clear(robot, workspace, JointBoxes(q - half, q + half))]
-    if not len(clear):
-        axes = " and ".join(str(i + 1) for i in strokes)
-        raise ValueError(
-            f"no configuration with axis {axes} in motion keeps clear of the workspace's boxes;"
-            " make boxes or margin smaller"
-        )
-    return clear
 
 
 def _turn(robot: Robot, axis: int) -> float:

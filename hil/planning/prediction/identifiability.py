@@ -30,7 +30,6 @@ if TYPE_CHECKING:
 
     from hil.arrays import Array, Indices
     from hil.model.robot import Robot
-    from hil.planning.measurement import ElementMeasurement
     from hil.planning.plan import Plan
 
 
@@ -102,9 +101,15 @@ def group_observations(
     shown = list(base_parameters(robot).groups[group] if columns is None else columns)
     if not chosen:
         return np.zeros((0, len(shown)))
-    rows = _torque_rows(robot, chosen)[:, shown]
-    limits = np.asarray(robot.torque_limit)[[m.index for m in chosen]]
-    return np.asarray(rows / limits[:, None], dtype=np.float64)
+    # the read axes at rest for gravity, else per unit acceleration
+    q = np.array([m.q for m in chosen], dtype=float)
+    still, axis = np.zeros_like(q), np.array([m.index for m in chosen])
+    rows = regressor(robot, q, still, still)[np.arange(len(q)), axis]
+    qdd = np.array([m.unit_acceleration for m in chosen])
+    if qdd.any():
+        rows = regressor(robot, q, still, qdd)[np.arange(len(q)), axis] - rows
+    limits = np.asarray(robot.torque_limit)[axis]
+    return np.asarray(rows[:, shown] / limits[:, None], dtype=np.float64)
 
 
 def eliminate_others(
@@ -152,20 +157,6 @@ def _assess(plan: Plan, robot: Robot, group: str, columns: list[int]) -> Identif
         group, names, len(W), *eliminate_others(np.vstack(rows), np.array(axes), columns)
     )
     return replace(found, hidden=hidden)
-
-
-def _torque_rows(robot: Robot, chosen: Sequence[ElementMeasurement]) -> Array:
-    """Return regressor rows of the read axes: at rest for gravity, else per unit acceleration."""
-    q = np.array([m.q for m in chosen], dtype=float)
-    still = np.zeros_like(q)
-    sample = np.arange(len(chosen))
-    axis = np.array([m.index for m in chosen])
-    at_rest: Array = regressor(robot, q, still, still)[sample, axis]
-    qdd = np.array([m.unit_acceleration for m in chosen])
-    if not qdd.any():
-        return at_rest
-    moving: Array = regressor(robot, q, still, qdd)[sample, axis]
-    return moving - at_rest
 
 
 def _judge(

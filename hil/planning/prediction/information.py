@@ -147,24 +147,19 @@ def _share(
     later = np.cumsum((X * friction[:, :1])[::-1], axis=0)
     exact, kept = weights(planned.period), 1.0 if differences is None else differences.kept[axis]
     white, products = _smoothed_noise(X, exact, every), X.T @ X
+    rounding = np.zeros_like(products)
+    if differences is not None:
+        window = rounding_window(differences.period)
+        whole = _smoothed_noise(X, window, max(1, round(taken.period / differences.period)))
+        rounding = _thin(whole, window @ window * products, kept)
     return Share(
         axis=axis,
         n=round(kept * every * int(used.sum())) - basis.shape[1],
         information=kept * every * products,
         white=every**2 * _thin(white, exact @ exact * products, kept),
         wander=(kept * every) ** 2 * taken.period * later.T @ later,
-        rounding=every**2 * _rounding_covariance(X, products, taken.period, differences, kept),
+        rounding=every**2 * rounding,
     )
-
-
-def _rounding_covariance(
-    X: Array, products: Array, apart: float, differences: Differences | None, kept: float
-) -> Array:
-    if differences is None:
-        return np.zeros_like(products)
-    window = rounding_window(differences.period)
-    whole = _smoothed_noise(X, window, max(1, round(apart / differences.period)))
-    return _thin(whole, window @ window * products, kept)
 
 
 def _thin(whole: Array, alone: Array, kept: float) -> Array:

@@ -38,7 +38,7 @@ from hil.model.motors import motor_inertia
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from hil.arrays import Array, Indices
+    from hil.arrays import Array
     from hil.model.robot import Robot
 
 
@@ -138,9 +138,16 @@ class Noise:
         bound = JERK * robot.acceleration_limit / (jerk * math.sqrt(2.0))
         kept = np.array([math.erf(each) for each in bound])
         excess = left / (self.white * noise_gain(period))
-        source = self.source + _describe_coarse(
-            np.flatnonzero(excess > 1.0), self.lost(robot, period)
-        )
+        source, axes = self.source, np.flatnonzero(excess > 1.0)
+        if axes.size:
+            lost = 100 * self.lost(robot, period)
+            named = ", ".join(str(axis + 1) for axis in axes)
+            shares = ", ".join(f"{lost[axis]:.2g}" for axis in axes)
+            source += (
+                f"; axis {named}: encoder resolution causes more noise than the torque signal and "
+                f"makes inertias about {shares} % too small; standard deviations do not include "
+                "this bias"
+            )
         return replace(self, differences=Differences(period, kept), excess=excess, source=source)
 
     def mean(self, n: int) -> Noise:
@@ -172,9 +179,19 @@ def stated_noise(
     steps = np.zeros(len(joints)) if resolution is None else np.asarray(resolution, float)
     torque = np.hypot(_or(torques, TORQUE_NOISE * limit), steps / np.sqrt(12.0))
     wander = _or(wanders, FRICTION_WANDER * limit)
-    source = _source([value is not None for value in torques + wanders])
-    rounded = _increments(robot) if increments is None else np.abs(np.asarray(increments, float))
-    if rounded is None:
+    stated = [value is not None for value in torques + wanders]
+    source = (
+        f"expected noise: torque {TORQUE_NOISE:.2%} of the torque limit, wander of friction "
+        f"{FRICTION_WANDER:.1%} of the torque limit per minute"
+    )
+    if all(stated):
+        source = "noise as stated in the robot file"
+    elif any(stated):
+        source = f"{source}, where not stated in the robot file"
+    rounded = 2 * np.pi / (robot.encoder_resolution * robot.gear_ratio)
+    if increments is not None:
+        rounded = np.abs(np.asarray(increments, float))
+    elif np.isnan(rounded).any():
         return Noise(
             torque, wander, f"{source}; encoder resolution not stated: its noise is left out"
         )
@@ -184,34 +201,6 @@ def stated_noise(
     return Noise(torque, wander, source, rounded / np.sqrt(12.0), inertia)
 
 
-def _describe_coarse(axes: Indices, lost: Array) -> str:
-    """Describe encoders with more noise than the torques, and the bias of the inertias."""
-    if not axes.size:
-        return ""
-    listed = ", ".join(str(axis + 1) for axis in axes)
-    shares = ", ".join(f"{100 * lost[axis]:.2g}" for axis in axes)
-    return (
-        f"; axis {listed}: encoder resolution causes more noise than the torque signal and makes "
-        f"inertias about {shares} % too small; standard deviations do not include this bias"
-    )
-
-
-def _increments(robot: Robot) -> Array | None:
-    """Return the axes' encoder increments [rad]; None if any is missing in the robot file."""
-    turns = 2 * np.pi / (robot.encoder_resolution * robot.gear_ratio)
-    return None if np.isnan(turns).any() else np.asarray(turns)
-
-
 def _or(stated: Sequence[float | None], expected: Array) -> Array:
     """Return the stated value of each axis, or the expected value if none is stated."""
     return np.array([e if s is None else s for s, e in zip(stated, expected, strict=True)])
-
-
-def _source(stated: Sequence[bool]) -> str:
-    if all(stated):
-        return "noise as stated in the robot file"
-    expected = (
-        f"expected noise: torque {TORQUE_NOISE:.2%} of the torque limit, wander of friction "
-        f"{FRICTION_WANDER:.1%} of the torque limit per minute"
-    )
-    return f"{expected}, where not stated in the robot file" if any(stated) else expected
