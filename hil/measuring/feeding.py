@@ -289,7 +289,10 @@ class PacedBus(BusInFront):
         """
         now = time.monotonic()
         self._began = self._began or now
-        rate = self._rate(now)
+        rate = self.fastest  # ratio to real time
+        if self._ramped:
+            doublings = min((now - self._began - REAL_TIME) / DOUBLED, 20.0)
+            rate = min(self.fastest, max(1.0, math.pow(2.0, doublings)))
         taken = self._bus.samples(max(1, min(limit, int(AT_ONCE * rate / self.period))))
         now = time.monotonic()
         if now - self._due > LATE:
@@ -299,10 +302,3 @@ class PacedBus(BusInFront):
         if self._due - now > AT_ONCE / 2:
             time.sleep(self._due - now)
         return taken
-
-    def _rate(self, now: float) -> float:
-        """Return the present ratio to real time."""
-        if not self._ramped:
-            return self.fastest
-        doublings = min((now - self._began - REAL_TIME) / DOUBLED, 20.0)
-        return min(self.fastest, max(1.0, math.pow(2.0, doublings)))

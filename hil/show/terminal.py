@@ -52,7 +52,15 @@ class Drawn:
 
     def __rich_console__(self, console: Console, options: ConsoleOptions) -> RenderResult:
         """Yield the lines."""
-        yield from _draw(self.source, options.max_width, console)
+        table, width = self.source, options.max_width
+        blocks = list(_arrange(table, width))
+        if table.title:
+            room = max(MARGIN + blocks[0].width, min(cell_len(table.title), width))
+            for line in _wrap(table.title, room, console):
+                yield _line(" " * ((room - cell_len(line)) // 2), (line, "table.title"))
+            yield _line()
+        for block in blocks:
+            yield from _draw_block(table, block, width, console)
 
 
 @dataclass(frozen=True, slots=True)
@@ -125,17 +133,6 @@ def broken(text: str, console: Console) -> str:
         ).replace(GLUE, " ")
         for line in text.split("\n")
     )
-
-
-def _draw(table: Table, width: int, console: Console) -> Iterator[Text]:
-    blocks = list(_arrange(table, width))
-    if table.title:
-        room = max(MARGIN + blocks[0].width, min(cell_len(table.title), width))
-        for line in _wrap(table.title, room, console):
-            yield _line(" " * ((room - cell_len(line)) // 2), (line, "table.title"))
-        yield _line()
-    for block in blocks:
-        yield from _draw_block(table, block, width, console)
 
 
 def _draw_block(table: Table, block: _Block, width: int, console: Console) -> Iterator[Text]:

@@ -110,13 +110,10 @@ def _number(cell: str) -> str | float | None:
     if not text:
         return None
     try:
-        return int(text) if text.lstrip("-").isdecimal() else _finite(float(text), cell)
+        value = int(text) if text.lstrip("-").isdecimal() else float(text)
     except ValueError:
         return str(cell)
-
-
-def _finite(value: float, cell: str) -> float | str:
-    """Return a finite number, or the text of the cell, since JSON has no infinity and NaN."""
+    # JSON has no infinity and NaN
     return value if abs(value) < float("inf") else str(cell)
 
 

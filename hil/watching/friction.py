@@ -272,22 +272,20 @@ class FrictionTables:
 
     def _both_ways(self, speeds: Array, load: float) -> Array:
         """Compute offset and level at a load, shape (2, NODES, n_joints)."""
-        forth, back = (self._one_way(sign, speeds, load) for sign in (1.0, -1.0))
-        return np.stack([forth + back, forth - back]) / 2
-
-    def _one_way(self, sign: float, speeds: Array, load: float, angles: int = 16) -> Array:
-        """Compute friction in one direction, with torque ripple averaged over motor angles."""
-        robot = self._model.robot
+        robot, angles = self._model.robot, 16
         turn = 2 * np.pi / np.nan_to_num(robot.gear_ratio, nan=1.0)
-        direction = [Direction(np.full(NODES, sign), np.zeros(NODES))] * robot.n_joints
-        loads = np.full(speeds.shape, load)
-        ways = [
-            friction_torque(
-                robot, self._law, np.tile(share * turn, (NODES, 1)), sign * speeds, loads, direction
-            )
-            for share in np.arange(angles) / angles
-        ]
-        return np.asarray(np.mean(ways, axis=0))
+        ways = []
+        for sign in (1.0, -1.0):
+            direction = [Direction(np.full(NODES, sign), np.zeros(NODES))] * robot.n_joints
+            motion = sign * speeds, np.full(speeds.shape, load), direction
+            # torque ripple is averaged over motor angles
+            at_angles = [
+                friction_torque(robot, self._law, np.tile(share * turn, (NODES, 1)), *motion)
+                for share in np.arange(angles) / angles
+            ]
+            ways.append(np.mean(at_angles, axis=0))
+        forth, back = ways
+        return np.stack([forth + back, forth - back]) / 2
 
 
 SPEEDS = np.array([0.0, 0.01, 0.03, 0.07, 0.15, 0.3, 0.6, 1.2])

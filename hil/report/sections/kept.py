@@ -23,10 +23,8 @@ if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from hil.commands.diagnose import DiagnosisFile
-    from hil.model.robot import Robot
     from hil.report.reported_run import ReportedRun
     from hil.results.judgement import KeptJudgement
-    from hil.runs.journal import Session
 
 
 def current(
@@ -155,27 +153,20 @@ def drive_trains(run: ReportedRun) -> Section | None:
 
 def sessions(run: ReportedRun) -> Section:
     """Create the section of sessions with axes, and digests of robot file and plan."""
-    listed = [(each, _session(each, run.robot)) for each in run.source.journal.sessions]
-    values = {"sessions": listed, "robot": run.robot, "plan": run.source.plan}
-    return Section("Sessions and drives", "sessions.html", values)
-
-
-def _session(session: Session, robot: Robot) -> Table:
-    units = robot.torque_units, robot.position_units
-    resolutions = (
-        f"{what} resolution, {unit}"
-        for what, unit in zip(("torque", "position"), units, strict=True)
-    )
-    return table(
-        "",
-        ("axis", Column("drive", folds=True), *figures(*resolutions)),
-        (
+    units = {"torque": run.robot.torque_units, "position": run.robot.position_units}
+    resolutions = (f"{what} resolution, {unit}" for what, unit in units.items())
+    heads: tuple[str | Column, ...] = ("axis", Column("drive", folds=True), *figures(*resolutions))
+    listed = []
+    for each in run.source.journal.sessions:
+        rows = [
             (
                 axis.name,
                 axis.identity,
                 f"{axis.torque_resolution:.3g}",
                 f"{axis.position_resolution:.3g}",
             )
-            for axis in session.axes
-        ),
-    )
+            for axis in each.axes
+        ]
+        listed.append((each, table("", heads, rows)))
+    values = {"sessions": listed, "robot": run.robot, "plan": run.source.plan}
+    return Section("Sessions and drives", "sessions.html", values)

@@ -357,7 +357,19 @@ STYLE = Path(__file__).parents[1] / "templates" / "chart.css"
 
 def file(chart: Chart) -> bytes:
     """Draw a chart as a file."""
-    placed = list(_place_panels(chart))
+    # rows of at most 1080, below a legend of height 26
+    placed: list[tuple[float, float, Panel]] = []
+    x, y, row = 0.0, 26.0 if chart.legend else 0.0, 0.0
+    for panel in chart.panels:
+        across, high = size_of(panel)
+        if x and x + across > 1080.0:
+            x, y, row = 0.0, y + row, 0.0
+        placed.append((x, y, panel))
+        x, row = x + across, max(row, high)
+    legend, at = [], 52.0
+    for label, item in chart.legend.items():
+        legend.append(_translate(at, 6, "".join(key(item)) + text(31, 10, label, "begin")))
+        at += 45.0 + 7.2 * len(label)  # about the width of a letter
     width = max((x + size_of(panel)[0] for x, _, panel in placed), default=1.0)
     height = max((y + size_of(panel)[1] for _, y, panel in placed), default=1.0)
     size = f'width="{number(width)}" height="{number(height)}"'
@@ -367,29 +379,11 @@ def file(chart: Chart) -> bytes:
             f'<svg xmlns="http://www.w3.org/2000/svg" {size} viewBox="{box}" class="chart">',
             f"<style>{STYLE.read_text(encoding='utf-8')}</style>",
             '<rect width="100%" height="100%" fill="#fff"/>',
-            *_legend(chart),
+            *legend,
             *(_translate(x, y, "".join(draw(panel))) for x, y, panel in placed),
             "</svg>\n",
         )
     ).encode()
-
-
-def _place_panels(chart: Chart) -> Iterator[tuple[float, float, Panel]]:
-    """Yield positions of panels, below a legend of height 26, in rows of at most 1080."""
-    x, y, row = 0.0, 26.0 if chart.legend else 0.0, 0.0
-    for panel in chart.panels:
-        width, height = size_of(panel)
-        if x and x + width > 1080.0:
-            x, y, row = 0.0, y + row, 0.0
-        yield x, y, panel
-        x, row = x + width, max(row, height)
-
-
-def _legend(chart: Chart) -> Iterator[str]:
-    x = 52.0
-    for label, item in chart.legend.items():
-        yield _translate(x, 6, "".join(key(item)) + text(31, 10, label, "begin"))
-        x += 45.0 + 7.2 * len(label)  # about the width of a letter
 
 
 def _translate(x: float, y: float, content: str) -> str:
