@@ -197,7 +197,7 @@ def say_verdicts(verdicts: Sequence[Verdict]) -> None:
 def write_page(path: Path, found: Outcome) -> None:
     """Write the page of results, and state the path."""
     with working("drawing the page"):
-        from hil.show.page import write_outcome
+        from hil.show.outcome import write_outcome
 
         write_outcome(path, found)
     say(f"page in {path}")

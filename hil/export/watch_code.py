@@ -32,8 +32,18 @@ from hil.export.languages import (
     structured_text,
 )
 from hil.export.source_code import identifier
-from hil.export.translation import Language, Translator, arguments, steps, variables
-from hil.export.watch_constants import OUTPUTS, STATE, Constant, Field, constants
+from hil.export.watch_constants import (
+    OUTPUTS,
+    STATE,
+    Constant,
+    Field,
+    Language,
+    Translator,
+    arguments,
+    constants,
+    steps,
+    variables,
+)
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator

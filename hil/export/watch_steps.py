@@ -1,7 +1,7 @@
 """Watch of the axes for controllers, sample by sample, in a subset of Python.
 
-The functions repeat `hil.watching` with numbers in place of arrays, and `hil.export.translation`
-writes them in other languages. Exported Python modules contain this text unchanged, from
+The functions repeat `hil.watching` with numbers in place of arrays; `hil.export.watch_constants`
+translates them into other languages. Exported Python modules contain this text unchanged, from
 `start_watch` on. Constants `c` and the state `s` are described in `hil.export.watch_constants`.
 Sums over a block replace the block's samples. Zeros among the friction columns are left out.
 """

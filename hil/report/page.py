@@ -21,9 +21,8 @@ from hil.report.reported_run import ReportedRun
 from hil.report.sections import OF_FRICTION, OF_IDENTIFIED
 from hil.runs.atomic_file import file_errors, write_file
 from hil.runs.run import opened
-from hil.show.html import environment
+from hil.show.html import environment, write_html
 from hil.show.outcome import Verdict, data_uri
-from hil.show.page import write_html
 from hil.show.rounding import duration, significant, when
 from hil.view.along_motion import carriers, join_predictions
 from hil.view.page import view_script

@@ -1,9 +1,10 @@
-"""HTML of tables, from a Jinja template, typesetting of parameter names, compression of data."""
+"""HTML of tables and self-contained pages, from Jinja templates, without server and network."""
 
 from __future__ import annotations
 
 import base64
 import gzip
+import hashlib
 import json
 import re
 from functools import cache
@@ -13,6 +14,8 @@ from typing import TYPE_CHECKING
 from jinja2 import Environment, FileSystemLoader, StrictUndefined
 from markupsafe import Markup, escape
 
+from hil.runs.atomic_file import write_file
+from hil.runs.journal import now, versions
 from hil.show.rounding import when
 from hil.show.table import Marked
 
@@ -61,3 +64,30 @@ def symbols(expression: str) -> Markup:
 @cache
 def _template() -> Template:
     return environment().get_template("table.html")
+
+
+def write_html(path: Path, template: str, player: str = "", **values: object) -> None:
+    """Write a page atomically, with time and version.
+
+    Parameters
+    ----------
+    player : str
+        Script that plays the recordings; empty where the page carries none.
+    **values : object
+        Further values for the template.
+    """
+    own = (TEMPLATES / "report.js").read_text(encoding="utf-8")
+    about = {
+        "bundle": deflate(player),
+        "written": now(),
+        "version": versions()["canopen-robot-identification"],
+        "script": Markup(own),  # noqa: S704 - our own
+        "script_source": " ".join(map(_hash, filter(None, (own, player)))),
+    }
+    page = environment().get_template(template).render(**values, **about)
+    write_file(path, page.encode())
+
+
+def _hash(script: str) -> str:
+    """Return the hash of a script for a content security policy."""
+    return f"'sha256-{base64.b64encode(hashlib.sha256(script.encode()).digest()).decode()}'"

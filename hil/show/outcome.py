@@ -26,6 +26,7 @@ from hil.show.terminal import Drawn
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Mapping
+    from pathlib import Path
 
     from markupsafe import Markup
     from rich.console import ConsoleOptions, RenderResult
@@ -207,3 +208,21 @@ class Section:
     def anchor(self) -> str:
         """Anchor for links from the contents."""
         return re.sub(r"[^a-z0-9]+", "-", self.heading.lower()).strip("-")
+
+
+def write_outcome(path: Path, found: Outcome) -> Path:
+    """Write the page of a result atomically, and return the path.
+
+    Raises
+    ------
+    FileError
+        A damaged recording, or a full disk.
+    """
+    from hil.show.html import write_html  # noqa: PLC0415 - templates take time to load
+
+    played = found.played()
+    write_html(
+        path, "result.html", played.player, found=found, title=found.title, carried=played.carried,
+        picture=played.picture, plots=(*found.plots, *played.plots),
+    )  # fmt: skip
+    return path

@@ -184,7 +184,7 @@ def test_without_a_folder_for_a_key_findings_are_those_of_the_process(
 def test_a_report_with_it_is_the_report_without(
     copy: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("hil.show.page.now", lambda: "2026-01-02T03:04:05+00:00")
+    monkeypatch.setattr("hil.show.html.now", lambda: "2026-01-02T03:04:05+00:00")
     quick = report(Run.open(copy)).read_text()
     (copy / NAME).unlink()
     assert report(Run.open(copy)).read_text() == quick
