@@ -36,7 +36,7 @@ from drivers.drives_file import load_drives
 from drivers.opening import open_drive_bus
 from drivers.session.servo_axes import ServoAxes
 from hil.measuring.campaign import run_campaign
-from hil.measuring.events import Finished, Started
+from hil.measuring.sequencer import Finished, Started
 from hil.model.robot import ROBOTS, Robot
 from hil.planning.design.by_counts import design
 from hil.planning.timetable import timetable

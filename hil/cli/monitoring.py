@@ -30,7 +30,7 @@ if TYPE_CHECKING:
 
     from drivers.cia402.picture import Picture
     from drivers.drives_file import DrivesFile
-    from hil.measuring.events import Event
+    from hil.measuring.sequencer import Event
     from hil.model.robot import Robot
     from hil.results.watch import Alarm
     from hil.show.table import Table

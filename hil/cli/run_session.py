@@ -11,7 +11,7 @@ import typer
 from checked_files.yaml_file import FileError
 from drivers.drive_bus import DriveError
 from hil.measuring.campaign import rehearse_campaign, run_campaign
-from hil.measuring.events import Finished
+from hil.measuring.sequencer import Finished
 from hil.runs import SIMULATED
 from hil.runs.atomic_file import locked
 from hil.runs.run_folder import RunFolder
@@ -27,7 +27,7 @@ if TYPE_CHECKING:
     from rich.console import Console
 
     from drivers.drive_bus import DriveBus
-    from hil.measuring.events import Event
+    from hil.measuring.sequencer import Event
     from hil.runs.journal import BusName
 
     RealTime = Callable[[], AbstractContextManager[Sequence[str] | None]]

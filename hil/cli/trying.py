@@ -26,7 +26,7 @@ if TYPE_CHECKING:
 
     from drivers.drive_bus import DriveBus
     from hil.live.feed import Feed
-    from hil.measuring.events import Event, Recorded
+    from hil.measuring.sequencer import Event, Recorded
     from hil.model.robot import Robot
     from hil.planning.plan import Plan
     from hil.results.model import Model
@@ -207,8 +207,8 @@ def _push(robot: Robot, model: Model, folder: Path, feed: Feed, hand: str, ends:
         from hil.cli.measuring import OnBus, measure
         from hil.cli.monitoring import WatchView
         from hil.cli.try_plans import pushed_plan
-        from hil.measuring.events import Recorded
         from hil.measuring.feeding import PacedBus
+        from hil.measuring.sequencer import Recorded
         from hil.results import model_file
         from hil.results.watch import pushes
         from hil.watching.watcher import Watcher, WatchingBus

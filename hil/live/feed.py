@@ -13,8 +13,8 @@ from typing import TYPE_CHECKING, Any
 
 from drivers.drive_bus import DriveError
 from hil.live import lines
-from hil.measuring.events import Recorded
 from hil.measuring.feeding import BusInFront
+from hil.measuring.sequencer import Recorded
 from hil.results.watch import pushes
 from hil.terminal.progress import Pace
 
@@ -27,7 +27,7 @@ if TYPE_CHECKING:
 
     from drivers.drive_bus import DriveBus, Sample
     from hil.live.audience import Audience
-    from hil.measuring.events import Event
+    from hil.measuring.sequencer import Event
     from hil.model.robot import Robot
     from hil.planning.plan import Plan
     from hil.watching.watcher import Watcher

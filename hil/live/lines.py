@@ -25,7 +25,7 @@ sample
     ``t``: time of the bus [s]; ``q``, ``tau`` and ``flags`` (`drivers.drive_bus.SampleFlag`): a
     number for each axis. At most 25 lines per second (`hil.live.feed`), none for a slow reader.
 event
-    Event of the sequencer. ``name``: its class in `hil.measuring.events`; ``doing``: activity in
+    Event of the sequencer. ``name``: its class in `hil.measuring.sequencer`; ``doing``: activity in
     words; ``notice``: message for the operator, or ""; ``t`` and ``total``: present and final time
     of the bus [s]; ``left``: remaining wall-clock time [s]. Events about a measurement also have
     ``measurement``, its ``number`` in the plan from 1, the moving ``axes`` from 0, ``seen``: the
@@ -61,7 +61,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from hil.measuring.events import AboutMeasurement
+from hil.measuring.sequencer import AboutMeasurement
 from hil.planning.measurement import KINDS
 from hil.terminal.progress import doing, notice
 from hil.view.page import Track
@@ -72,7 +72,7 @@ if TYPE_CHECKING:
 
     from drivers.drive_bus import AxisInfo, Sample
     from hil.arrays import Array
-    from hil.measuring.events import Event
+    from hil.measuring.sequencer import Event
     from hil.model.robot import Robot
     from hil.planning.measurement import Measurement
     from hil.planning.plan import Plan

@@ -36,8 +36,19 @@ from typing import TYPE_CHECKING
 from checked_files.yaml_file import FileError
 from drivers.drive_bus import LimitExceeded
 from hil.measuring import REHEARSAL_SPEED
-from hil.measuring.events import Finished, Paused, Recorded, Rehearsed, Repeated, Started, Travelled
-from hil.measuring.sequencer import hold, measure, never, refuse_other_bus
+from hil.measuring.sequencer import (
+    Finished,
+    Paused,
+    Recorded,
+    Rehearsed,
+    Repeated,
+    Started,
+    Travelled,
+    hold,
+    measure,
+    never,
+    refuse_other_bus,
+)
 from hil.measuring.travel import locate, pace, pass_along, pass_slowly, travel
 from hil.planning.dry_run import measurement_problems
 from hil.planning.strokes import TURN
@@ -50,7 +61,7 @@ if TYPE_CHECKING:
     from typing import Self
 
     from drivers.drive_bus import AxisInfo, DriveBus
-    from hil.measuring.events import Event
+    from hil.measuring.sequencer import Event
     from hil.model.robot import Robot
     from hil.planning.plan import Plan
     from hil.planning.strokes import Strokes

@@ -6,6 +6,9 @@ fails, up to ``plan.attempts`` times; then the best recording is kept together w
 
 Strokes follow one another as soon as the bus reports that the axis rests at its target. Time passes
 only in `bus.sample()`, and every time-out is in the bus's time.
+
+Of an `Event`, `time` is the bus's time, `remaining` the expected remaining robot time, both in s.
+In lock-step robot time runs faster than wall time.
 """
 
 from __future__ import annotations
@@ -17,7 +20,6 @@ from math import isnan, nan
 from typing import TYPE_CHECKING, Any
 
 from drivers.drive_bus import DriveRefused, Move
-from hil.measuring import events
 from hil.measuring.checks.encoder_jumps import finished
 from hil.measuring.checks.recording_checks import LASTING, SIGN, check
 from hil.measuring.travel import locate, pass_along, stand, stream, travel, until_reached
@@ -29,13 +31,104 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Collection, Iterator, Sequence
 
     from drivers.drive_bus import DriveBus, Sample
-    from hil.measuring.events import Event
     from hil.model.robot import Robot
     from hil.planning.measurement import Coupling, Friction, Measurement
     from hil.planning.plan import Plan, WarmUp
     from hil.planning.strokes import Partner, Strokes
     from hil.planning.timetable import Entry
     from hil.runs.recording import Finding, Recording
+
+
+@dataclass(frozen=True, slots=True)
+class Event:
+    """Event of a campaign."""
+
+    time: float
+    remaining: float
+
+
+@dataclass(frozen=True, slots=True)
+class Started(Event):
+    """Start of the campaign: the robot's position is known, nothing has moved yet."""
+
+    pending: int
+    planned: int
+
+
+@dataclass(frozen=True, slots=True)
+class WarmingUp(Event):
+    """Progress of the warm-up."""
+
+    done: float
+    duration: float
+
+
+@dataclass(frozen=True, slots=True)
+class AboutMeasurement(Event):
+    """Event of a single measurement."""
+
+    measurement: Measurement
+
+
+@dataclass(frozen=True, slots=True)
+class Travelled(AboutMeasurement):
+    """Arrival of the axes at the start of a measurement."""
+
+
+@dataclass(frozen=True, slots=True)
+class Preparing(AboutMeasurement):
+    """Rest or exercise of the axes before a friction measurement, `done` of `duration` [s]."""
+
+    done: float
+    duration: float
+
+
+@dataclass(frozen=True, slots=True)
+class Rehearsed(AboutMeasurement):
+    """Rehearsal of a measurement's motions, without a recording."""
+
+
+@dataclass(frozen=True, slots=True)
+class Paused(Event):
+    """Pause requested by the operator; the axes stand still under power."""
+
+
+@dataclass(frozen=True, slots=True)
+class Repeated(AboutMeasurement):
+    """Repetition of a measurement after a recording failed its checks."""
+
+    attempt: int
+    findings: tuple[Finding, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class GaveUp(AboutMeasurement):
+    """Failure of all attempts; the best recording follows as `Recorded`."""
+
+    attempts: int
+    findings: tuple[Finding, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class Recorded(AboutMeasurement):
+    """Completion of a measurement; `findings` is empty unless every attempt failed."""
+
+    recording: Recording
+    attempts: int
+    findings: tuple[Finding, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class Finished(Event):
+    """Completion of the plan's measurements.
+
+    `before_first` is the time of motion before the first recording kept, including warm-up and
+    repeated attempts [s]; NaN without recordings.
+    """
+
+    recorded: int
+    gave_up: tuple[str, ...]
+    before_first: float = nan
 
 
 def record(bus: DriveBus, measurement: Strokes) -> Recording:
@@ -202,29 +295,29 @@ def measure(
     clock = _Clock(timetable(plan, robot, pending, here.q), here.time)
     warm_up = plan.warm_up if pending else None
     left = clock.remaining(here.time) + (warm_up.duration if warm_up else 0.0)
-    yield events.Started(here.time, left, len(pending), len(plan.measurements))
+    yield Started(here.time, left, len(pending), len(plan.measurements))
     if warm_up:
         yield from _warm_up(plan, warm_up, robot, bus, clock)
         clock.start = locate(bus).time  # the warm-up is not part of the timetable
     gave_up, before_first = [], nan
     for measurement in pending:
         arrived = travel(bus, robot, measurement.start, plan.travel, plan.workspace)
-        yield events.Travelled(arrived.time, clock.remaining(arrived.time), measurement)
+        yield Travelled(arrived.time, clock.remaining(arrived.time), measurement)
         prepare = PREPARATIONS.get(measurement.kind)
         for spent, now in prepare(bus, measurement) if prepare else ():
             left = max(0.0, clock.remaining(now) - spent)
-            yield events.Preparing(now, left, measurement, spent, measurement.preparation)
+            yield Preparing(now, left, measurement, spent, measurement.preparation)
         for event in _attempts(plan, robot, bus, measurement, clock):
-            if isinstance(event, events.GaveUp):
+            if isinstance(event, GaveUp):
                 gave_up.append(measurement.id)
-            elif isinstance(event, events.Recorded) and isnan(before_first):
+            elif isinstance(event, Recorded) and isnan(before_first):
                 before_first = float(event.recording.time[0]) - here.time - measurement.preparation
             yield event
         if pause():
             began = locate(bus).time
-            yield events.Paused(began, clock.remaining(began))
+            yield Paused(began, clock.remaining(began))
             clock.start += hold(bus, pause) - began
-    yield events.Finished(locate(bus).time, 0.0, len(pending), tuple(gave_up), before_first)
+    yield Finished(locate(bus).time, 0.0, len(pending), tuple(gave_up), before_first)
 
 
 @dataclass
@@ -263,15 +356,15 @@ def _attempts(
         failed = {finding.check for finding in findings}
         if failed <= LASTING or SIGN in failed or len(tries) == plan.attempts:
             break
-        yield events.Repeated(now, clock.remaining(now), measurement, len(tries), findings)
+        yield Repeated(now, clock.remaining(now), measurement, len(tries), findings)
     clock.done += 1
     left = clock.remaining(now)
     if findings:
         recording, findings = min(
             tries, key=lambda each: (len(each[1]), sum(finding.excess for finding in each[1]))
         )
-        yield events.GaveUp(now, left, measurement, len(tries), findings)
-    yield events.Recorded(now, left, measurement, recording, len(tries), findings)
+        yield GaveUp(now, left, measurement, len(tries), findings)
+    yield Recorded(now, left, measurement, recording, len(tries), findings)
     for finding in findings:
         if finding.check == SIGN:
             raise DriveRefused(finding.message)
@@ -289,7 +382,7 @@ def _warm_up(
             if done >= warm_up.duration:
                 return
             left = warm_up.duration - done + clock.remaining(begin)
-            yield events.WarmingUp(now, left, done, warm_up.duration)
+            yield WarmingUp(now, left, done, warm_up.duration)
 
 
 def hold(bus: DriveBus, pause: Callable[[], bool]) -> float:

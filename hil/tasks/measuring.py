@@ -38,7 +38,7 @@ if TYPE_CHECKING:
     from drivers.drives_file import AxisDrive, DrivesFile
     from hil.arrays import Array
     from hil.estimation.noise_levels import Levels
-    from hil.measuring.events import Event
+    from hil.measuring.sequencer import Event
     from hil.model.robot import Robot
     from hil.planning.dry_run import DryRun
     from hil.planning.plan import Plan

@@ -13,7 +13,18 @@ from typing import TYPE_CHECKING
 
 from rich.progress import BarColumn, Progress, TextColumn
 
-from hil.measuring import events
+from hil.measuring.sequencer import (
+    Finished,
+    GaveUp,
+    Paused,
+    Preparing,
+    Recorded,
+    Rehearsed,
+    Repeated,
+    Started,
+    Travelled,
+    WarmingUp,
+)
 from hil.show.rounding import clock
 
 if TYPE_CHECKING:
@@ -21,7 +32,7 @@ if TYPE_CHECKING:
 
     from rich.console import Console
 
-    from hil.measuring.events import Event
+    from hil.measuring.sequencer import Event
 
 
 @contextmanager
@@ -37,7 +48,7 @@ def shown(console: Console) -> Iterator[Callable[[Event], None]]:
         left = pace.left(event)
         if text := notice(event):
             console.print(text, highlight=False, soft_wrap=True)
-        elif time.monotonic() >= due and not isinstance(event, events.Finished):
+        elif time.monotonic() >= due and not isinstance(event, Finished):
             due = time.monotonic() + 30.0
             console.print(f"{doing(event)}, {clock(left)} left", highlight=False)
 
@@ -79,16 +90,16 @@ class Pace:
 
 def notice(event: Event) -> str:
     """Return a message that the operator must see; empty for other events."""
-    if isinstance(event, events.Repeated):
+    if isinstance(event, Repeated):
         reasons = "; ".join(finding.message for finding in event.findings)
         return f"{event.measurement.id}: attempt {event.attempt} is repeated: {reasons}"
-    if isinstance(event, events.GaveUp):
+    if isinstance(event, GaveUp):
         reasons = "\n  ".join(finding.message for finding in event.findings)
         return (
             f"{event.measurement.id}: kept with findings after {event.attempts} attempts:\n"
             f"  {reasons}"
         )
-    if isinstance(event, events.Paused):
+    if isinstance(event, Paused):
         return "paused, the axes stay under power; any key continues, s or space stops"
     return ""
 
@@ -96,17 +107,17 @@ def notice(event: Event) -> str:
 def doing(event: Event) -> str:
     """Describe the current activity."""
     match event:
-        case events.Started():
+        case Started():
             return f"{event.pending} of {event.planned} measurements to do"
-        case events.WarmingUp() | events.Preparing():
+        case WarmingUp() | Preparing():
             what = "warming up"
-            if isinstance(event, events.Preparing):
+            if isinstance(event, Preparing):
                 what = f"rest and exercise before {event.measurement.id}"
             return f"{what}, {clock(event.done)} of {clock(event.duration)}"
-        case events.Travelled() | events.Repeated():
+        case Travelled() | Repeated():
             return f"measuring {event.measurement.id} ({event.measurement.kind})"
-        case events.Rehearsed():
+        case Rehearsed():
             return f"rehearsed {event.measurement.id} ({event.measurement.kind})"
-        case events.Recorded() | events.GaveUp():
+        case Recorded() | GaveUp():
             return f"measured {event.measurement.id} ({event.measurement.kind})"
-    return "paused" if isinstance(event, events.Paused) else "finished"
+    return "paused" if isinstance(event, Paused) else "finished"

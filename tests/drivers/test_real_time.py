@@ -25,7 +25,7 @@ from drivers.drive_bus import DriveFault, Move, SampleFlag
 from drivers.fieldbus import Entry
 from drivers.session.connection import Place as DrivePlace
 from hil.measuring.campaign import run_campaign
-from hil.measuring.events import Finished
+from hil.measuring.sequencer import Finished
 from hil.model.robot import Robot
 from hil.planning.measurement import Gravity
 from hil.planning.plan import Plan, PlannedRobot

@@ -72,7 +72,7 @@ def killed_driver() -> None:
 def killed_plant(folder: Path) -> None:
     """Measure, kill the plant after two recordings, and print how the run ended."""
     from hil.measuring.campaign import run_campaign
-    from hil.measuring.events import Recorded
+    from hil.measuring.sequencer import Recorded
     from hil.planning.design.by_counts import design
     from hil.runs.journal import BusName
     from hil.runs.run_folder import RunFolder

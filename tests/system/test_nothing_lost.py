@@ -19,7 +19,7 @@ from checked_files.yaml_file import FileError
 from hil.cli import main
 from hil.estimation.identify import estimate
 from hil.measuring.campaign import Background, run_campaign
-from hil.measuring.events import Finished, Recorded
+from hil.measuring.sequencer import Finished, Recorded
 from hil.model.robot import Robot
 from hil.planning.plan import Plan
 from hil.results.identification import identify

@@ -21,8 +21,7 @@ from personalities import FIT, UNFIT, drives_for, plant_file
 from drivers.drive_bus import DriveRefused
 from hil.estimation.identify import estimate
 from hil.measuring.campaign import limited
-from hil.measuring.events import Recorded
-from hil.measuring.sequencer import measure
+from hil.measuring.sequencer import Recorded, measure
 from hil.model.dynamics import inverse_dynamics
 from hil.planning.design.by_counts import design
 from sim_plant.switch_on import load_machine

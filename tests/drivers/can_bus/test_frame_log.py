@@ -20,7 +20,7 @@ from drivers.drives_file import DrivesFile, load_drives
 from drivers.opening import open_drive_bus
 from hil.cli import main
 from hil.measuring.campaign import run_campaign
-from hil.measuring.events import Recorded
+from hil.measuring.sequencer import Recorded
 from hil.model.robot import ROBOTS, Robot
 from hil.planning.measurement import Gravity, Inertia
 from hil.planning.plan import Plan, dump_plan

@@ -23,8 +23,7 @@ from drivers.session.servo_axes import ServoAxes
 from fault_table.logged_bus import ROBOT, LoggedBus
 from fault_table.logged_cable import LoggedCable
 from fault_table.stopping_way import reaction_time
-from hil.measuring.events import GaveUp, Recorded, Repeated
-from hil.measuring.sequencer import measure
+from hil.measuring.sequencer import GaveUp, Recorded, Repeated, measure
 from hil.model.robot import ROBOTS, Robot
 from hil.planning.measurement import Gravity
 from hil.planning.plan import Plan, PlannedRobot

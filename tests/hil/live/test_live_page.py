@@ -18,7 +18,7 @@ from selenium.webdriver.support.ui import WebDriverWait
 
 from drivers.drive_bus import Sample
 from hil.live import lines
-from hil.measuring.events import GaveUp, Travelled
+from hil.measuring.sequencer import GaveUp, Travelled
 from hil.runs.recording import Finding
 
 if TYPE_CHECKING:

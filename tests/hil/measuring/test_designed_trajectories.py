@@ -13,8 +13,7 @@ import pytest
 
 from drivers.drives_file import load_drives
 from drivers.opening import open_drive_bus
-from hil.measuring.events import Recorded
-from hil.measuring.sequencer import measure
+from hil.measuring.sequencer import Recorded, measure
 from hil.model.robot import ROBOTS, Robot
 from hil.planning.design.trajectories import Search, design_trajectory
 from hil.planning.dry_run import dry_run

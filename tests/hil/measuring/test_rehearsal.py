@@ -17,8 +17,7 @@ import pytest
 from drivers import opening
 from hil import cli
 from hil.measuring.campaign import rehearse
-from hil.measuring.events import Finished, Paused, Rehearsed, Started, Travelled
-from hil.measuring.sequencer import measure
+from hil.measuring.sequencer import Finished, Paused, Rehearsed, Started, Travelled, measure
 from hil.measuring.travel import travel
 from hil.model.robot import Robot
 from hil.planning.plan import Plan, dump_plan

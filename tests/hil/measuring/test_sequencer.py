@@ -16,7 +16,7 @@ from drivers.drive_bus import (
     Sample,
     SampleFlag,
 )
-from hil.measuring.events import (
+from hil.measuring.sequencer import (
     Event,
     Finished,
     GaveUp,
@@ -25,8 +25,8 @@ from hil.measuring.events import (
     Started,
     Travelled,
     WarmingUp,
+    measure,
 )
-from hil.measuring.sequencer import measure
 from hil.model.robot import Robot
 from hil.planning.measurement import Coupling, Gravity
 from hil.planning.plan import Plan, WarmUp

@@ -14,7 +14,7 @@ import pytest
 from checked_files.yaml_file import FileError
 from drivers.drive_bus import DriveFault, Sample, SampleFlag
 from hil.measuring.campaign import run_campaign
-from hil.measuring.events import Recorded, Repeated
+from hil.measuring.sequencer import Recorded, Repeated
 from hil.model.robot import Robot
 from hil.planning.free_motion import FreeMotion
 from hil.planning.measurement import Gravity, RecordedMotion
