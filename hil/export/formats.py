@@ -128,15 +128,11 @@ def export_recordings(
     if not len(run):
         raise NotEnoughData(f"{run.path}: no recordings to export; measure them with --resume")
     with file_errors(output, "read"):
-        if output.is_symlink() or (output.exists() and not _replaceable(output)):
+        # the current folder would be gone after its replacement
+        unused = output.is_dir() and not any(output.iterdir()) and not output.samefile(Path.cwd())
+        if output.is_symlink() or (output.exists() and not unused):
             raise FileError(f"{output}: already exists; choose another folder with -o")
     named = tuple(joints) or tuple(f"joint{k + 1}" for k in range(run.robot.n_joints))
     with whole_folder(output) as folder:
         RECORDINGS[name](Job(run, folder, named, progress))
     return tuple(sorted(output.iterdir()))
-
-
-def _replaceable(folder: Path) -> bool:
-    """Return True if a folder is empty and is not the current working directory."""
-    empty = folder.is_dir() and not any(folder.iterdir())
-    return empty and not folder.samefile(Path.cwd())

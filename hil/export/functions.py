@@ -362,28 +362,26 @@ _RIGHT = {(1.0, 0.0), (0.0, 1.0), (-1.0, 0.0), (0.0, -1.0)}
 
 def joints(graph: Graph, robot: Robot, q: Sequence[Expression]) -> list[Joint]:
     """Return the frames of a robot at positions q."""
-    return [_joint(graph, robot, j, position) for j, position in enumerate(q)]
-
-
-def _joint(graph: Graph, robot: Robot, j: int, q: Expression) -> Joint:
-    ca, sa = cos_sin(float(robot.alpha[j]))
-    theta, shift, d = float(robot.theta[j]), float(robot.r[j]), float(robot.d[j])
-    revolute = bool(robot.revolute[j])
-    length: Scalar = shift if revolute else q + shift
-    c, s = _turned(graph, theta, q) if revolute else cos_sin(theta)
-    (cg, sg), b = cos_sin(float(robot.gamma[j])), float(robot.b[j])
-    x, y, z = d, -sa * length, ca * length
-    arm = cg * x - sg * y, sg * x + cg * y, z + b
-    return Joint(ca, sa, c, s, arm, revolute, robot.parents[j], cg, sg)
-
-
-def _turned(graph: Graph, theta: float, q: Expression) -> tuple[Scalar, Scalar]:
-    """Return cosine and sine of q + theta; at right angles they are those of q."""
-    exact = cos_sin(theta)
-    if exact not in _RIGHT:
-        return graph.function("cos", q + theta), graph.function("sin", q + theta)
-    cosine, sine = graph.function("cos", q), graph.function("sin", q)
-    return exact[0] * cosine - exact[1] * sine, exact[0] * sine + exact[1] * cosine
+    found = []
+    for j, position in enumerate(q):
+        ca, sa = cos_sin(float(robot.alpha[j]))
+        theta, shift, d = float(robot.theta[j]), float(robot.r[j]), float(robot.d[j])
+        revolute = bool(robot.revolute[j])
+        length: Scalar = shift if revolute else position + shift
+        exact = cos_sin(theta)
+        c: Scalar = exact[0]
+        s: Scalar = exact[1]
+        if revolute and exact in _RIGHT:  # those of q + theta follow from those of q
+            cosine, sine = graph.function("cos", position), graph.function("sin", position)
+            c, s = exact[0] * cosine - exact[1] * sine, exact[0] * sine + exact[1] * cosine
+        elif revolute:
+            c = graph.function("cos", position + theta)
+            s = graph.function("sin", position + theta)
+        (cg, sg), b = cos_sin(float(robot.gamma[j])), float(robot.b[j])
+        x, y, z = d, -sa * length, ca * length
+        arm = cg * x - sg * y, sg * x + cg * y, z + b
+        found.append(Joint(ca, sa, c, s, arm, revolute, robot.parents[j], cg, sg))
+    return found
 
 
 def count_whole_links(robot: Robot) -> Count:

@@ -107,14 +107,11 @@ def refuse_beyond(plan: Plan, robot: Robot, axes: Sequence[AxisInfo]) -> None:
         A line for each problem, with measurement, joint, value and bound.
     """
     problems = measurement_problems(plan, limited(robot, axes))
-    if problems:
-        lines = ["the plan exceeds what the drives allow; nothing has moved"]
-        lines += [problem.message for problem in problems]
-        raise LimitExceeded("\n".join([*lines, *_whose(robot, axes)]))
-
-
-def _whose(robot: Robot, axes: Sequence[AxisInfo]) -> Iterator[str]:
-    """Yield the objects of the drives that cause the limits, where relevant."""
+    if not problems:
+        return
+    lines = ["the plan exceeds what the drives allow; nothing has moved"]
+    lines += [problem.message for problem in problems]
+    # the objects of the drives that cause the limits
     for j, axis in enumerate(axes):
         for key, planned, holds in (
             ("q_min", robot.q_min[j], axis.q_min),
@@ -124,11 +121,12 @@ def _whose(robot: Robot, axes: Sequence[AxisInfo]) -> Iterator[str]:
         ):
             # limits of drive and robot file may differ by 0.1 % without being named
             if key in axis.own_limits and abs(holds - planned) > 1e-3 * max(1.0, abs(planned)):
-                yield (
+                lines.append(
                     f"joint {j + 1} ({axis.name}): {key} of the drive {holds:.4g} "
                     f"({axis.own_limits[key]}), of the robot file {planned:.4g}; plan within the "
                     "drive's limit, or widen this limit with the maker's tool"
                 )
+    raise LimitExceeded("\n".join(lines))
 
 
 log = logging.getLogger(__name__)

@@ -181,7 +181,20 @@ def travel(
         An encoder jumped.
     """
     here = locate(bus)
-    _check_box(narrow_ranges(robot, workspace), here.q, target)
+    narrowed = narrow_ranges(robot, workspace)
+    for index, (low, high) in enumerate(zip(narrowed.q_min, narrowed.q_max, strict=True)):
+        unit = robot.position_unit(index)
+        if not low <= target[index] <= high:
+            raise LimitExceeded(
+                f"axis {index + 1}: target {target[index]:.4g} {unit} is outside {low:.4g} ..."
+                f" {high:.4g} {unit}; correct the plan"
+            )
+        if not low - SLACK <= here.q[index] <= high + SLACK:
+            raise LimitExceeded(
+                f"axis {index + 1}: is at {here.q[index]:.4g} {unit}, outside {low:.4g} ... "
+                f"{high:.4g} {unit}; move the axis inside with the drive's own tool, or check "
+                "the position offset in drives.yaml"
+            )
     refuse_travel(robot, workspace, here.q, target, fraction)
     moves = {
         index: Move(
@@ -266,20 +279,3 @@ def until_reached(
             )
         idle = (deadline if due is None else min(due, deadline)) - sample.time
         limit = max(1, int(idle / bus.period))
-
-
-def _check_box(robot: Robot, here: Sequence[float], target: Sequence[float]) -> None:
-    limits = zip(robot.q_min, robot.q_max, strict=True)
-    for index, (low, high) in enumerate(limits):
-        unit = robot.position_unit(index)
-        if not low <= target[index] <= high:
-            raise LimitExceeded(
-                f"axis {index + 1}: target {target[index]:.4g} {unit} is outside {low:.4g} ..."
-                f" {high:.4g} {unit}; correct the plan"
-            )
-        if not low - SLACK <= here[index] <= high + SLACK:
-            raise LimitExceeded(
-                f"axis {index + 1}: is at {here[index]:.4g} {unit}, outside {low:.4g} ... "
-                f"{high:.4g} {unit}; move the axis inside with the drive's own tool, or check "
-                "the position offset in drives.yaml"
-            )

@@ -114,8 +114,24 @@ def misfits(workspace: Workspace, robot: Robot) -> Iterator[tuple[Place, str]]:
         for place, reason in _check_box(box, robot):
             sound = False
             yield ("boxes", number, *place), reason
-    if sound and workspace.boxes:
-        yield from _always_inside(workspace, robot)
+    if not (sound and workspace.boxes):
+        return
+    # boxes that contain a link at each of 256 configurations over the joint ranges
+    spread = np.random.default_rng(0).uniform(size=(256, robot.n_joints))
+    q = robot.q_min + spread * (robot.q_max - robot.q_min)
+    inside = np.all(intrusions(robot, workspace, q) > 0.0, axis=0)
+    for number, box in enumerate(workspace.boxes):
+        links = [k + 1 for k in np.flatnonzero(inside[:, number]).tolist()]
+        if links:
+            which = f"link {links[0]}" if len(links) == 1 else f"links {', '.join(map(str, links))}"
+            assumed = not all(capsules(robot).stated[k - 1] for k in links)
+            yield (
+                ("boxes", number),
+                f"{box.name} contains {which} of {robot.name} at every "
+                f"configuration{' (with an assumed capsule)' if assumed else ''}, so nothing "
+                "could be measured; correct its corners, or, if the arm is fixed to it, state "
+                f"ignore_links: {[*box.ignore_links, *links]}",
+            )
 
 
 def remarks(workspace: Workspace | None, robot: Robot) -> list[str]:
@@ -159,26 +175,6 @@ def _check_box(box: Box, robot: Robot) -> Iterator[tuple[Place, str]]:
             f"{SMALLEST * reach:.2g} m ({SMALLEST:g} of the reach of {robot.name}); lengths are "
             "in m",
         )
-
-
-def _always_inside(workspace: Workspace, robot: Robot) -> Iterator[tuple[Place, str]]:
-    """Yield boxes that contain a link at every sampled configuration."""
-    # 256 configurations over the joint ranges; a link must be clear of a box in at least one
-    spread = np.random.default_rng(0).uniform(size=(256, robot.n_joints))
-    q = robot.q_min + spread * (robot.q_max - robot.q_min)
-    inside = np.all(intrusions(robot, workspace, q) > 0.0, axis=0)
-    for number, box in enumerate(workspace.boxes):
-        links = [k + 1 for k in np.flatnonzero(inside[:, number]).tolist()]
-        if links:
-            which = f"link {links[0]}" if len(links) == 1 else f"links {', '.join(map(str, links))}"
-            assumed = not all(capsules(robot).stated[k - 1] for k in links)
-            yield (
-                ("boxes", number),
-                f"{box.name} contains {which} of {robot.name} at every "
-                f"configuration{' (with an assumed capsule)' if assumed else ''}, so nothing "
-                "could be measured; correct its corners, or, if the arm is fixed to it, state "
-                f"ignore_links: {[*box.ignore_links, *links]}",
-            )
 
 
 def opened_plan(

@@ -126,22 +126,22 @@ class _Search:
             return None
         measurement = fitting[0].measurement
         still = [a for a in range(self.bare.robot.n_joints) if a not in measurement.moved]
-        curves = [(a, *self._curve(k, measurement, a)) for a in still]
+        # the standard deviation after the measurement, over the position of each axis at rest
+        curves = []
+        for a in still:
+            low, high = self.bare.robot.q_min[a], self.bare.robot.q_max[a]
+            stops: Array = STEP * np.arange(math.ceil(low / STEP), math.floor(high / STEP) + 1)
+            if not self.bare.robot.revolute[a]:
+                stops = np.linspace(low, high, 9)
+            turned = (hold_axis(measurement, a, float(at)) for at in stops)
+            deviations = [self.deviation(k, self.bare.judge(each)) for each in turned]
+            curves.append((a, stops, np.array(deviations)))
         axis, places, sizes = max(curves, key=lambda each: float(each[2].max() / each[2].min()))
         # an axis's position matters if it changes the deviation by a fifth
         if sizes.max() < 1.2 * sizes.min():
             share = self.deviation(k, self.bare.judge(measurement)) / now
             return Pose(measurement.moved[0] + 1, None, share)
         return Pose(axis + 1, float(places[np.argmin(sizes)]), float(sizes.min() / now))
-
-    def _curve(self, k: int, measurement: ParameterMeasurement, axis: int) -> tuple[Array, Array]:
-        """Return positions of an axis, and the standard deviation after `measurement` at each."""
-        low, high = self.bare.robot.q_min[axis], self.bare.robot.q_max[axis]
-        places: Array = STEP * np.arange(math.ceil(low / STEP), math.floor(high / STEP) + 1)
-        if not self.bare.robot.revolute[axis]:
-            places = np.linspace(low, high, 9)
-        turned = (hold_axis(measurement, axis, float(at)) for at in places)
-        return places, np.array([self.deviation(k, self.bare.judge(each)) for each in turned])
 
 
 OFFSETS = 2

@@ -73,12 +73,22 @@ class Identifiability:
 
 def identifiability(plan: Plan, robot: Robot) -> tuple[Identifiability, ...]:
     """Judge every group of the robot's base parameters."""
-    base = base_parameters(robot)
-    return tuple(
-        _assess(plan, robot, group, list(columns))
-        for group, columns in base.groups.items()
-        if columns
-    )
+    base, found = base_parameters(robot), []
+    for group, columns in ((name, list(own)) for name, own in base.groups.items() if own):
+        names = tuple(base.names[c] for c in columns)
+        W = group_observations(plan, robot, group)
+        hidden = tuple(base.names[c] for c in columns if base.dependencies.hidden[c])
+        if not (hidden and len(W)):
+            found.append(_judge(group, names, len(W), W.T @ W))
+            continue
+        rows, axes = [], []
+        for kind in ELEMENT_KINDS.values():
+            own = [m for m in element_measurements(plan.measurements) if m.kind == kind.name]
+            rows.append(group_observations(plan, robot, kind.group, range(len(base))))
+            axes += [m.index if kind.symbol == "g" else -1 for m in own]
+        normal = eliminate_others(np.vstack(rows), np.array(axes), columns)
+        found.append(replace(_judge(group, names, len(W), *normal), hidden=hidden))
+    return tuple(found)
 
 
 def group_observations(
@@ -138,25 +148,6 @@ def eliminate_others(
     W = np.hstack([rows[:, list(columns)], rows[:, others], offsets])
     N = W.T @ W
     return eliminated(N, W.shape[1] - len(columns))[0], np.diag(N)[: len(columns)]
-
-
-def _assess(plan: Plan, robot: Robot, group: str, columns: list[int]) -> Identifiability:
-    base = base_parameters(robot)
-    names = tuple(base.names[c] for c in columns)
-    W = group_observations(plan, robot, group)
-    hidden = tuple(base.names[c] for c in columns if base.dependencies.hidden[c])
-    if not (hidden and len(W)):
-        return _judge(group, names, len(W), W.T @ W)
-    everything = range(len(base_parameters(robot)))
-    rows, axes = [], []
-    for kind in ELEMENT_KINDS.values():
-        own = [m for m in element_measurements(plan.measurements) if m.kind == kind.name]
-        rows.append(group_observations(plan, robot, kind.group, everything))
-        axes += [m.index if kind.symbol == "g" else -1 for m in own]
-    found = _judge(
-        group, names, len(W), *eliminate_others(np.vstack(rows), np.array(axes), columns)
-    )
-    return replace(found, hidden=hidden)
 
 
 def _judge(
