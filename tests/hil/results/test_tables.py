@@ -12,8 +12,8 @@ from rich.console import Console
 
 from hil.estimation.excluded.result import Excluded, Found, Limit
 from hil.results.tables.excluded import FOUND, UNTESTED, change_by_cause, excluded, untestable
-from hil.show.html import html, write_outcome
-from hil.show.outcome import Outcome, Verdict
+from hil.show.html import html
+from hil.show.outcome import Outcome, Verdict, write_outcome
 from hil.show.table import Column, Marked, Part, Table, figures
 from hil.show.terminal import show
 
