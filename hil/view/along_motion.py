@@ -324,14 +324,13 @@ def distances(robot: Robot, workspace: Workspace | None, time: Array, q: Array) 
     """
     if workspace is None or not workspace.boxes:
         return None
-    free = np.concatenate(
-        [
-            workspace.margin - intrusions(robot, workspace, q[part]).reshape(len(q[part]), -1)
-            for part in _parts(len(q))
-        ]
-    )
-    nearest = free.argmin(axis=1)
-    distance = free[np.arange(len(q)), nearest]
+    parts = []
+    for part in _parts(len(q)):
+        free = workspace.margin - intrusions(robot, workspace, q[part])
+        free = free.reshape(len(free), -1)
+        own = free.argmin(axis=1)
+        parts.append((free[np.arange(len(free)), own], own))
+    distance, nearest = (np.concatenate(each) for each in zip(*parts, strict=True))
     if not np.isfinite(distance).all():
         return None
     link, box = np.divmod(nearest, len(workspace.boxes))
