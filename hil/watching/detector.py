@@ -76,30 +76,20 @@ class Scatter:
         Lengths of the windows [samples].
     period : float
         Time between two samples [s].
-    memory, enough : float
-        Averaging time of squares, and minimum time of motion for a valid mean [s].
 
     Attributes
     ----------
     squares : ndarray, shape (n_windows, n_joints)
         Mean squares.
     weights : ndarray, shape (n_joints,)
-        Number of samples in the means, at most that of `memory`.
+        Number of samples in the means, at most that of `MEMORY`.
     """
 
-    def __init__(
-        self,
-        lengths: NDArray[np.int_],
-        n_joints: int,
-        period: float,
-        *,
-        memory: float = MEMORY,
-        enough: float = ENOUGH,
-    ) -> None:
+    def __init__(self, lengths: NDArray[np.int_], n_joints: int, period: float) -> None:
         self._lengths = lengths
         self.squares = np.zeros((len(lengths), n_joints))
         self.weights = np.zeros(n_joints)
-        self._most, self._enough = memory / period, enough / period
+        self._most, self._enough = MEMORY / period, ENOUGH / period
 
     @property
     def rms(self) -> Array:
@@ -203,11 +193,6 @@ class Detector:
         Model with a friction law.
     period : float
         Time between two samples [s].
-    sigmas : float
-        Threshold in standard deviations of the scatter.
-    block : float
-        Interval at which learned quantities take effect: friction, scatter, presliding distances
-        [s].
 
     Attributes
     ----------
@@ -224,9 +209,7 @@ class Detector:
         The model has no law of friction.
     """
 
-    def __init__(
-        self, model: Model, period: float, *, sigmas: float = SIGMAS, block: float = BLOCK
-    ) -> None:
+    def __init__(self, model: Model, period: float) -> None:
         robot, n = model.robot, model.robot.n_joints
         self.windows = np.array(window_lengths(period))
         self._model, self._period = model, period
@@ -242,8 +225,7 @@ class Detector:
         self._time, self._q, self._tau = np.empty(0), np.empty((0, n)), np.empty((0, n))
         self._since = 0
         self._learned: list[_Learned] = []
-        self.n_block, self._in_block = max(1, round(block / period)), 0
-        self._sigmas = sigmas
+        self.n_block, self._in_block = max(1, round(BLOCK / period)), 0
         self._doubted = np.zeros(n)
 
     @property
@@ -345,7 +327,7 @@ class Detector:
         scatter = self.scatter.bound
         # standard deviations for the alarm threshold, and for the displayed 95 % band
         threshold, band = (
-            np.sqrt((sigmas * scatter) ** 2 + error) + bands for sigmas in (self._sigmas, 1.96)
+            np.sqrt((sigmas * scatter) ** 2 + error) + bands for sigmas in (SIGMAS, 1.96)
         )
         threshold[threshold > VISIBLE] = np.inf
         moving = speed > SLOW
