@@ -219,7 +219,7 @@ class Processing:
         """The n of the filter of positions: at most `FLAT` is lost in the equation's band."""
         if self.cut_off <= self.band:  # the torque has passed the same filter
             return 2.0 * ORDER
-        return max(2.0 * ORDER, -np.log(FLAT) / np.log(self.cut_off / self.band))
+        return max(2.0 * ORDER, -float(np.log(FLAT) / np.log(self.cut_off / self.band)))
 
     def smoothed(
         self,
