@@ -158,8 +158,8 @@ def pytest_collection_finish() -> None:
 @cache
 def _place(path: Path) -> str | None:
     """Return the entry of `LONG` that contains a path."""
-    within = (place for place in LONG if path.is_relative_to(Path(__file__).parent / place))
-    return next(within, None)
+    own = path.as_posix().removeprefix(f"{Path(__file__).parent.as_posix()}/") + "/"
+    return next((place for place in LONG if own.startswith(f"{place}/")), None)
 
 
 # the clients of canopen have threads, which a busy machine stalls

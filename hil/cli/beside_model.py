@@ -177,7 +177,7 @@ def watch(
         from hil.results.model_file import file_of
         from hil.results.watch import LEARNING, load_thresholds
         from hil.runs.run import Run
-        from hil.watching.watcher import Watcher, WatchingBus
+        from hil.watching.watcher import TOGETHER, Watcher, WatchingBus
 
         the_plan, the_robot = load(plan_file, robot_file, workspace)
         model = loaded(model_path, the_robot)
@@ -208,7 +208,13 @@ def watch(
             plan_file,
             output / RUN,
             how,
-            in_front=partial(WatchingBus, watcher=watcher, show=view.take, stop=stop),
+            in_front=partial(
+                WatchingBus,
+                watcher=watcher,
+                show=view.take,
+                stop=stop,
+                at_once=1 if stop else max(1, round(TOGETHER / period)),
+            ),
             display=view.display,
             rounds=rounds,
             watcher=watcher,

@@ -211,7 +211,7 @@ def _push(robot: Robot, model: Model, folder: Path, feed: Feed, hand: str, ends:
         from hil.measuring.sequencer import Recorded
         from hil.results import model_file
         from hil.results.watch import pushes
-        from hil.watching.watcher import Watcher, WatchingBus
+        from hil.watching.watcher import TOGETHER, Watcher, WatchingBus
 
         plan, rounds = pushed_plan(robot, LEARNING + max(ends - time.monotonic(), 0.0))
         watcher = Watcher(model, plan.sample_period, LEARNING)
@@ -222,8 +222,8 @@ def _push(robot: Robot, model: Model, folder: Path, feed: Feed, hand: str, ends:
 
         def take(alarm: Alarm | None) -> None:
             paced.fastest = FASTEST_LEARNING if watcher.learning else 1.0
-            # samples of 20 ms are judged together, to keep this speed on a busy computer
-            watching.at_once = max(1, round(0.02 * paced.fastest / plan.sample_period))
+            # several samples are judged together, to keep this speed on a busy computer
+            watching.at_once = max(1, round(TOGETHER * paced.fastest / plan.sample_period))
             view.take(alarm)
 
         watching = WatchingBus(paced, watcher, take)

@@ -96,8 +96,8 @@ class Blocks:
         order = (*self.shared, *self.own)
         return np.array([1 + order.index(name) for name in names], dtype=np.intp)
 
-    def where(self, mask: Mask) -> Blocks:
-        """Select groups by a mask."""
+    def where(self, mask: Mask | slice) -> Blocks:
+        """Select groups by a mask or, without a copy, by a slice."""
         labels = {name: label[mask] for name, label in self.labels.items()}
         return replace(self, products=self.products[mask], counts=self.counts[mask], labels=labels)
 

@@ -96,7 +96,8 @@ def band_residual(
         used = np.ones(recording.n_samples, dtype=bool) if whole else recording.active
         axes = [axis for axis in motion.moved if axis not in unknown]
         own = np.zeros((6, len(axes)))
-        for each in _motions(model, recording, used, axes) if axes else ():
+        samples = list(_motions(model, recording, used, axes)) if axes else []
+        for each in samples:
             every = each.counts
             moved, left = every & ~each.rests, each.filtered - each.predicted
             rows = (
@@ -108,7 +109,7 @@ def band_residual(
             counts[:, axes] += [mask.sum(axis=0) for _, mask in rows]
         squares[:, axes] += own
         if (own[3] > accuracy**2 * own[2]).any():
-            of_noise, lasting = _noise(model, recording, used, axes)
+            of_noise, lasting = _noise(model, recording, used, axes, samples)
             noise[axes] += of_noise
             seconds[axes] += lasting
     if not counts.any():
@@ -127,19 +128,23 @@ def band_residual(
 
 
 def _noise(
-    model: Model, recording: Recording, used: Mask, axes: Sequence[int]
+    model: Model,
+    recording: Recording,
+    used: Mask,
+    axes: Sequence[int],
+    samples: Sequence[_Samples],
 ) -> tuple[Array, Array]:
     """Return the squares of the smoothed prediction due to noise of positions, and the time [s].
 
-    As much noise as the positions have is added to them, and changes the prediction. The squares
-    are summed over the samples in motion, and the time is that of these samples, each (n_axes,).
+    As much noise as the positions have is added to them, and changes the prediction, known from
+    `samples`. The squares are summed over the samples in motion, and the time is that of these
+    samples, each (n_axes,).
     """
     period = float(np.median(np.diff(recording.time)))
     drawn = np.random.default_rng(0).standard_normal(recording.q.shape)
     noisy = replace(recording, q=recording.q + extent(recording.q, period).noise * drawn)
-    both = (_motions(model, each, used, axes) for each in (recording, noisy))
     found, seconds = np.zeros((2, len(axes)))
-    for each, other in zip(*both, strict=True):
+    for each, other in zip(samples, _motions(model, noisy, used, axes), strict=True):
         moved = each.counts & ~each.rests
         found += np.sum(np.where(moved, other.smoothed - each.smoothed, 0.0) ** 2, axis=0)
         seconds += each.step * moved.sum(axis=0)

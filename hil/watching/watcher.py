@@ -6,7 +6,7 @@ alarms, or at the end without an alarm.
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
@@ -119,6 +119,8 @@ APART = 0.04
 """Averaging time of displayed torques [s]: 25 values per second."""
 OVER = 0.25
 """Time without a sign after which an alarm ends [s]."""
+TOGETHER = APART
+"""Time of samples judged together where no alarm stops the axes [s]: that of a displayed value."""
 HELD = 500
 """Maximum number of means kept for display: 20 s of motion."""
 
@@ -434,10 +436,7 @@ class WatchingBus(BusInFront):
         """
         sample = self._bus.sample()
         self._held.append(sample)
-        alarms: tuple[Alarm, ...] = ()
-        if len(self._held) >= self.at_once:
-            alarms = self._watcher.take(*self._held)
-            self._held.clear()
+        alarms = self._judge() if len(self._held) >= self.at_once else ()
         if alarms and self._stop:
             raise Tripped(
                 f"{describe_alarm(alarms[0], self._watcher.unit(alarms[0]))}; all axes stop"
@@ -445,6 +444,18 @@ class WatchingBus(BusInFront):
         for alarm in alarms or (None,):
             self._show(alarm)
         return sample
+
+    def __exit__(self, *raised: Any) -> None:
+        """Stop the axes and power off; then judge the last samples."""
+        try:
+            super().__exit__(*raised)
+        finally:
+            for alarm in self._judge() if self._held else ():
+                self._show(alarm)
+
+    def _judge(self) -> tuple[Alarm, ...]:
+        held, self._held = self._held, []
+        return self._watcher.take(*held)
 
 
 def describe_alarm(alarm: Alarm, unit: str) -> str:

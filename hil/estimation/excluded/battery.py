@@ -67,10 +67,10 @@ import numpy as np
 from scipy import special
 
 from hil.estimation.excluded.backlash import nearest
+from hil.estimation.excluded.basis import Basis
 from hil.estimation.excluded.dispersion import (
     Common,
     dispersion,
-    enlarge,
     freedom,
     moderated,
     orthonormal,
@@ -207,21 +207,18 @@ class Battery:
         regression = Regression(blocks, self.weights, regression.kept)
         self.solution = regression.solution[: self._X.shape[1]]
         """Base parameters, shape (n_base,)."""
-        Z = np.zeros((len(rows), blocks.layout.size))
-        Z[:, :n_shared] = shared
-        for channel in range(e.n_channels):
-            at = np.flatnonzero(self._channel == channel)
-            Z[at[:, None], blocks.layout.place(channel)[n_shared:]] = self._own[at]
-        root = np.sqrt(self.weights)[self._channel]
-        Z *= root[:, None]
-        self._coefficients = inverse_root(regression.normal.information)
-        Q = Z @ self._coefficients
-        del Z, rows, shared  # free the memory: each is as large as the columns
-        y, D = self._y[:, 0] * root, self._D * root[:, None]
-        self._Q, self._root = Q, root
-        self._residual = y - Q @ (Q.T @ y)
+        self._root = root = np.sqrt(self.weights)[self._channel]
+        self._estimated = Basis(
+            rows[:, 1:] * root[:, None],
+            self._channel,
+            self._starts,
+            [blocks.layout.place(channel) for channel in range(e.n_channels)],
+            inverse_root(regression.normal.information),
+        )
+        y, D = self._y[:, 0] * root, self._weighted
+        self._residual = self._estimated.project_out(y)
         before = np.einsum("ij,ij->j", D, D)
-        D -= Q @ (Q.T @ D)
+        D = self._estimated.project_out(D)
         self._counts = blocks.counts[0]
         self._respond(D, root)
         self._left, self.information = D, np.einsum("ij,ij->j", D, D)
@@ -262,8 +259,7 @@ class Battery:
             else:
                 continue
             if square > 0.0:
-                moved = effect * root
-                moved -= self._Q @ (self._Q.T @ moved)
+                moved = self._estimated.project_out(effect * root)
                 response = max(float(left[:, k] @ moved) / square, 0.0)
                 left[:, k] *= response
                 beside = float(moved @ moved) - response**2 * square
@@ -274,21 +270,13 @@ class Battery:
         """Return weighted columns, shape (n, n_columns)."""
         return np.asarray(self._D * self._root[:, None])
 
-    @cached_property
-    def _enlarged(self) -> Array:
-        """Return residual and columns times (1 - Q_k Q_k')^(-1/2), by group."""
-        found = np.column_stack([self._residual, self._left])
-        for at in self._pieces:
-            found[at] = enlarge(self._Q[at], found[at])
-        return found
-
     def _group_sums(self, rows: Array) -> Array:
         return np.add.reduceat(rows, self._starts, axis=0)
 
     @cached_property
     def common(self) -> dict[int, Common]:
         """Return the common dispersion of causes by axis; -1 stands for all axes."""
-        scores = self._group_sums(self._left * self._enlarged[:, :1])
+        scores = self._group_sums(self._left * self._estimated.enlarge(self._residual)[:, None])
         return {
             axis: self._shared(
                 axis, own, scores[:, own], self.shares[:, own], self.information[own]
@@ -423,7 +411,7 @@ class Battery:
         U = self._left[:, at] @ B
         along, rank, axis = U.T @ self._residual, U.shape[1], int(self._axis[at[0]])
         rest = self._residual - U @ along
-        enlarged = self._enlarged[:, :1] - self._enlarged[:, 1 + at] @ (B @ along)[:, None]
+        enlarged = self._estimated.enlarge(rest)[:, None]
         shares = (self.shares[:, at] / self.information[at]).mean(axis=1, keepdims=True)
         each, d = dispersion(
             self._group_sums(U * enlarged), np.repeat(shares, rank, axis=1), np.ones(rank)
@@ -488,7 +476,7 @@ class Battery:
         own, given = np.split(np.column_stack(products), [len(at)], axis=1)
         estimated = np.hstack([noise.parameter_products, given])
         weighted = self._D[:, at] * self._root[:, None]
-        along = (self._coefficients @ (self._Q.T @ weighted))[: estimated.shape[1]]
+        along = self._estimated.unknowns(weighted)[: estimated.shape[1]]
         return -self.weights @ (own - estimated @ along)
 
     def _common_beside(self, axis: int, at: Indices, U: Array, enlarged: Array) -> Common:
@@ -541,7 +529,7 @@ class Battery:
         seen = np.zeros(len(every))
         for k in range(n_parts):
             rows = part == k
-            D, Q = weighted[rows], self._Q[rows]
+            D, Q = weighted[rows], self._estimated.some(rows)
             left = D - Q @ (Q.T @ D)  # rows of other parts are -Q Q_k'D
             beside = D.T @ left
             scores, information = D.T @ self._residual[rows], np.diag(beside)
@@ -554,21 +542,21 @@ class Battery:
                 B = orthonormal(beside[np.ix_(at, at)])
                 along = B.T @ scores[at]
                 drops[key].append((float(along @ along), B.shape[1]))
-        return {key: self._moderated(key, each, every, seen) for key, each in drops.items()}
-
-    def _moderated(
-        self, key: Key, drops: list[tuple[float, int]], every: Array, seen: Array
-    ) -> Common:
-        """Return the moderated scale of a cause, from drops with ranks and squares of columns."""
-        drop, n = np.sum(drops, axis=0)
-        same = (self._axis == key[1]) if key[1] >= 0 else np.ones(len(seen), dtype=bool)
-        same &= seen > 0
-        if not same.any() or not n:
-            return Common(0.0, ALMOST_NONE)
-        left = self._weighted[:, same]
-        common, degrees = float((every[same] / seen[same]).mean()), freedom(left.T @ left)
-        total = degrees + float(n)
-        return Common((degrees * common + float(drop)) / total, total)
+        products = weighted.T @ weighted
+        found: dict[Key, Common] = {}
+        for key, each in drops.items():
+            drop, n = np.sum(each, axis=0)
+            same = (self._axis == key[1]) if key[1] >= 0 else np.ones(len(seen), dtype=bool)
+            same &= seen > 0
+            if not same.any() or not n:
+                found[key] = Common(0.0, ALMOST_NONE)
+                continue
+            # psi_0 and its degrees of freedom, from all causes of the axis
+            psi = float((every[same] / seen[same]).mean())
+            degrees = freedom(products[np.ix_(same, same)])
+            total = degrees + float(n)
+            found[key] = Common((degrees * psi + float(drop)) / total, total)
+        return found
 
     def _shared(
         self, axis: int, own: Indices, scores: Array, shares: Array, information: Array
@@ -588,5 +576,5 @@ class Battery:
         return moderated(phi[several], degrees[several], alike)
 
 
-CACHED = ("common", "_axes", "_enlarged", "_squares")
+CACHED = ("common", "_axes", "_squares")
 """Attributes of a `Battery` that depend on the given causes."""

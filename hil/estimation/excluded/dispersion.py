@@ -79,14 +79,16 @@ def orthonormal(products: Array) -> Array:
 def freedom(products: Array) -> float:
     """Return degrees of freedom of a mean square of normal variables with correlated columns."""
     length = np.sqrt(np.diag(products))
-    return float(len(products) ** 2 / np.sum((products / np.outer(length, length)) ** 2))
+    correlation = products / np.outer(length, length)
+    np.fill_diagonal(correlation, 1.0)  # without rounding: one column has exactly one degree
+    return float(len(products) ** 2 / np.sum(correlation**2))
 
 
-def enlarge(Q: Array, x: Array) -> Array:
-    """Multiply rows `x` of one group by (1 - QQ')^(-1/2), from the smaller of QQ' and Q'Q."""
+def enlargement(Q: Array) -> tuple[Array, Array]:
+    """Return V and f with (1 - QQ')^(-1/2) = 1 + V diag(f) V', from the smaller of QQ' and Q'Q."""
     wide = len(Q) < Q.shape[1]
     values, vectors = np.linalg.eigh(Q @ Q.T if wide else Q.T @ Q)
     factor = 1.0 / np.sqrt(np.clip(1.0 - values, LEVERAGE, 1.0)) - 1.0
     if not wide:
         vectors, factor = Q @ vectors, factor / np.maximum(values, np.finfo(float).eps)
-    return np.asarray(x + (vectors * factor) @ (vectors.T @ x))
+    return vectors, factor

@@ -33,7 +33,7 @@ from hil.results.watch import LEARNING, NAME, Watched
 from hil.runs import SIMULATED
 from hil.runs.run import Run
 from hil.runs.run_folder import RunFolder
-from hil.watching.watcher import Watcher, WatchingBus
+from hil.watching.watcher import Watcher
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -165,7 +165,6 @@ def test_what_was_found_is_stated_kept_and_drawn(pushed: tuple[Path, Result]) ->
 def test_strokes_raise_no_alarm_and_axes_that_stand_are_named(
     model: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setitem(WatchingBus.__init__.__kwdefaults__, "at_once", 10)  # thrice as fast
     plan, folder = tmp_path / "strokes.yaml", tmp_path / "watch"
     plan.write_bytes(dump_plan(strokes_of((2, 4, 1), 12)).encode())
     done = called("watch", plan, "--model", model, "-o", folder, "--learn", 5, "--repeat", 2)
@@ -188,10 +187,12 @@ def test_an_interrupted_watch_keeps_what_it_has_seen(
     plan.write_bytes(dump_plan(strokes_of((2,), 12)).encode())
     take = Watcher.take
 
-    def interrupted(watcher: Watcher, sample: Sample) -> tuple[object, ...]:
-        if watcher.learned + watcher.watched >= motion:
-            raise KeyboardInterrupt
-        return take(watcher, sample)
+    def interrupted(watcher: Watcher, *samples: Sample) -> tuple[object, ...]:
+        for sample in samples:
+            if watcher.learned + watcher.watched >= motion:
+                raise KeyboardInterrupt
+            take(watcher, sample)
+        return ()
 
     monkeypatch.setattr(Watcher, "take", interrupted)
     called("watch", plan, "--model", model, "-o", folder, "--learn", 5)
