@@ -114,7 +114,7 @@ def suspicions(
             if misread_map and whole:
                 misread_map = list(mechanical_suspicions(whole(), robot, shown))
             found += misread_map
-    return sorted(found, key=lambda suspicion: not suspicion.certain)
+    return sorted(found, key=lambda suspicion: (not suspicion.certain, suspicion.last))
 
 
 def _still(
@@ -144,6 +144,7 @@ def _still(
                 "used only if neither a brake nor static friction carries the load; check column "
                 "and unit",
                 certain=alone is not None,
+                last=alone is None,
             )
         # other joints may move by 2 % of the moving joint's distance, because servos yield
         if alone is not None and joint != alone and moves and way > 0.02 * ways[alone]:
