@@ -48,7 +48,7 @@ class Suspicion:
     first : bool
         True for wrong times of rows, from which the misfit of any model follows.
     last : bool
-        True for a joint at rest, which is no mistake.
+        True for a joint at rest: no mistake.
     """
 
     check: Check

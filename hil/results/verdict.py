@@ -174,7 +174,7 @@ def _doubted(model: Model) -> Iterator[Reservation]:
 
 
 def _resting(model: Model) -> Iterator[Reservation]:
-    """Yield warnings of imports of joints at rest, whose effect other rules state."""
+    """Yield warnings of imports of joints at rest; other rules state the effect."""
     for warning in model.provenance.warnings:
         if LAST in warning:
             yield _warned(warning)
