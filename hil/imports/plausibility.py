@@ -27,6 +27,7 @@ from hil.imports.misread import (
     small,
     unmeasurable,
 )
+from hil.imports.set_points import stepping_torques
 from hil.imports.two_clocks import clock_of_velocities
 from hil.least_squares.standstill import moving_in
 from hil.model.frames import ROUNDED_OFF
@@ -100,6 +101,8 @@ def suspicions(
         found += misread
         wrong = any(suspicion.certain for suspicion in found)
         held = [] if wrong else list(_held(excerpts, evidence))
+        if not held and not wrong:
+            held = list(stepping_torques(excerpts, evidence.moves))
         found += held
         found += () if clock or held else _noisy(excerpts)
     if not any(suspicion.certain for suspicion in found):
