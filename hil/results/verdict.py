@@ -304,7 +304,7 @@ def _not_identified(model: Model) -> Iterator[Reservation]:
     listed = [titles[name] for name in fit.not_identified]
     names = ", ".join(listed[:NAMED])
     if len(listed) > NAMED:
-        names += f" and {len(listed) - NAMED} more parameters"
+        names += f" and {len(listed) - NAMED} more"
     cad = "take bodies from CAD (hil identify --prior cad=0.3 --urdf FILE)"
     if names and fit.still:
         yield doubtful(
