@@ -237,3 +237,23 @@ def correlation_of(covariance: Array) -> Array:
     finite = np.isfinite(variance) & (variance > 0)
     scale = np.where(finite, 1.0, 0.0) / np.sqrt(np.where(finite, variance, 1.0))
     return np.where(np.isfinite(covariance), covariance, 0.0) * np.outer(scale, scale)
+
+
+def significant(change: Array, root: Array) -> Array:
+    """Return the components of a change beyond twice their standard error, shape (n,).
+
+    In combinations of unknowns that are hardly excited, two solutions differ by any amount.
+    Components are those along the principal axes of the correlations.
+
+    Parameters
+    ----------
+    change : ndarray, shape (n,)
+        Difference of two solutions.
+    root : ndarray, shape (n, k)
+        Root C of the covariance C C' of the solution.
+    """
+    error = np.linalg.norm(root, axis=1)
+    error = np.where(error > 0, error, 1.0)
+    axes, size, _ = np.linalg.svd(root / error[:, np.newaxis], full_matrices=False)
+    along = axes.T @ (change / error)
+    return np.asarray(error * (axes @ np.where(np.abs(along) > TWICE * size, along, 0.0)))

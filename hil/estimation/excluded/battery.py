@@ -214,8 +214,9 @@ class Battery:
             Z[at[:, None], blocks.layout.place(channel)[n_shared:]] = self._own[at]
         root = np.sqrt(self.weights)[self._channel]
         Z *= root[:, None]
-        self._coefficients = inverse_root(regression.normal.information)
-        Q = Z @ self._coefficients
+        self.root = inverse_root(regression.normal.information)
+        """Root of the covariance of all fitted unknowns, base parameters first."""
+        Q = Z @ self.root
         del Z, rows, shared  # free the memory: each is as large as the columns
         y, D = self._y[:, 0] * root, self._D * root[:, None]
         self._Q, self._root = Q, root
@@ -488,7 +489,7 @@ class Battery:
         own, given = np.split(np.column_stack(products), [len(at)], axis=1)
         estimated = np.hstack([noise.parameter_products, given])
         weighted = self._D[:, at] * self._root[:, None]
-        along = (self._coefficients @ (self._Q.T @ weighted))[: estimated.shape[1]]
+        along = (self.root @ (self._Q.T @ weighted))[: estimated.shape[1]]
         return -self.weights @ (own - estimated @ along)
 
     def _common_beside(self, axis: int, at: Indices, U: Array, enlarged: Array) -> Common:

@@ -19,6 +19,7 @@ from hil.least_squares.uncertainty import (
     leave_one_out,
     sandwich,
     scatter,
+    significant,
 )
 
 if TYPE_CHECKING:
@@ -156,3 +157,14 @@ def test_the_solution_without_a_measurement_follows_from_its_score() -> None:
     without = solved(shares[1:].sum(axis=0), sides[1:].sum(axis=0))
     first = solved(shares[1:].sum(axis=0), shares[0] @ found.x - sides[0])
     np.testing.assert_allclose(without - found.x, first, rtol=1e-8)
+
+
+def test_a_change_within_the_errors_of_a_weak_combination_is_none() -> None:
+    """The sum of two unknowns is known to 0.01, their difference to 100."""
+    one, other = np.array([1.0, 1.0]) / 2**0.5, np.array([1.0, -1.0]) / 2**0.5
+    root = np.stack([0.01 * one, 100.0 * other], axis=1)
+    change = 0.5 * one + 60.0 * other
+    np.testing.assert_allclose(significant(change, root), 0.5 * one, atol=1e-9)
+    both = 0.5 * one + 600.0 * other
+    np.testing.assert_allclose(significant(both, root), both, atol=1e-9)
+    assert not significant(0.01 * one, root).any()
