@@ -239,21 +239,28 @@ def correlation_of(covariance: Array) -> Array:
     return np.where(np.isfinite(covariance), covariance, 0.0) * np.outer(scale, scale)
 
 
-def significant(change: Array, root: Array) -> Array:
-    """Return the components of a change beyond twice their standard error, shape (n,).
+def shrunk(change: Array, root: Array, square: float) -> Array:
+    """Return the likeliest change by an omitted column, shape (n,).
 
-    In combinations of unknowns that are hardly excited, two solutions differ by any amount.
-    Components are those along the principal axes of the correlations.
+    In combinations of unknowns that are hardly excited, two solutions differ by any amount. A
+    column c moves the unknown of a column z by |c| / |z| at most, unless other columns resemble z.
+    With these bounds as standard deviations of a prior of covariance P, and the covariance V of the
+    solution, the change d becomes P (P + V)^-1 d. Combinations with errors far below the bounds
+    keep the whole change.
 
     Parameters
     ----------
     change : ndarray, shape (n,)
-        Difference of two solutions.
-    root : ndarray, shape (n, k)
-        Root C of the covariance C C' of the solution.
+        Difference of the solutions with and without the column.
+    root : ndarray, shape (m, k)
+        Root C of the covariance C C' of all m >= n unknowns, for equations of unit variance.
+    square : float
+        Sum of squares of the column times its unknown.
     """
-    error = np.linalg.norm(root, axis=1)
-    error = np.where(error > 0, error, 1.0)
-    axes, size, _ = np.linalg.svd(root / error[:, np.newaxis], full_matrices=False)
-    along = axes.T @ (change / error)
-    return np.asarray(error * (axes @ np.where(np.abs(along) > TWICE * size, along, 0.0)))
+    n = len(change)
+    lengths = (np.linalg.pinv(root)[:, :n] ** 2).sum(axis=0)
+    P = np.diag(square / np.where(lengths > 0, lengths, np.inf))
+    V = root[:n] @ root[:n].T
+    scale = np.sqrt(np.maximum(np.diag(P + V), np.finfo(float).tiny))
+    weighed = solved((P + V) / np.outer(scale, scale), change / scale)
+    return np.asarray(P @ (weighed / scale))

@@ -270,6 +270,11 @@ class Battery:
                 beside = float(moved @ moved) - response**2 * square
                 self.elsewhere[k] = beside / self._counts[name.axis]
 
+    def square(self, test: Test) -> float:
+        """Return the weighted sum of squares of the torque of a cause."""
+        torque = (self._D[:, test.columns] @ test.size) * self._root
+        return float(torque @ torque)
+
     @property
     def _weighted(self) -> Array:
         """Return weighted columns, shape (n, n_columns)."""

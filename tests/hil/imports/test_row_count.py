@@ -52,7 +52,7 @@ def test_rows_repeated_while_one_joint_moves_are_judged_by_this_joint(tmp_path, 
         kept = ROWS.copy()
         kept[1:][twice] -= 1
     else:
-        kept = np.repeat(ROWS, 1 + np.append(twice, False))  # noqa: FBT003
+        kept = np.repeat(ROWS, 1 + np.append(twice, False))
     _, stated = imported(tmp_path, kept, accept=["shape"], **columns)
     lines = "\n".join(stated.lines())
     assert ("repeat the row before" in lines) == held

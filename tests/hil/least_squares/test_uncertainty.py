@@ -19,7 +19,7 @@ from hil.least_squares.uncertainty import (
     leave_one_out,
     sandwich,
     scatter,
-    significant,
+    shrunk,
 )
 
 if TYPE_CHECKING:
@@ -160,11 +160,11 @@ def test_the_solution_without_a_measurement_follows_from_its_score() -> None:
 
 
 def test_a_change_within_the_errors_of_a_weak_combination_is_none() -> None:
-    """The sum of two unknowns is known to 0.01, their difference to 100."""
-    one, other = np.array([1.0, 1.0]) / 2**0.5, np.array([1.0, -1.0]) / 2**0.5
-    root = np.stack([0.01 * one, 100.0 * other], axis=1)
-    change = 0.5 * one + 60.0 * other
-    np.testing.assert_allclose(significant(change, root), 0.5 * one, atol=1e-9)
-    both = 0.5 * one + 600.0 * other
-    np.testing.assert_allclose(significant(both, root), both, atol=1e-9)
-    assert not significant(0.01 * one, root).any()
+    """Two columns of length 100 are alike but for a hundred-thousandth."""
+    rng = np.random.default_rng(3)
+    z = rng.standard_normal(10_000)
+    Z = np.stack([z, z + 1e-5 * rng.standard_normal(10_000)], axis=1)
+    root = np.linalg.inv(np.linalg.cholesky(Z.T @ Z)).T
+    sum_of_both, difference = np.array([1.0, 1.0]), np.array([1.0, -1.0])
+    found = shrunk(0.1 * sum_of_both + 60.0 * difference, root, square=0.2**2 * float(z @ z))
+    np.testing.assert_allclose(found, 0.1 * sum_of_both, atol=0.02)
