@@ -73,7 +73,6 @@ def stepping_torques(excerpts: Sequence[Excerpt], moves: Mask) -> Iterator[Suspi
         "and like greater inertias and viscous friction; record mean torques, or rows at many "
         "times the rate of the set-points, or move the joints without steps",
         certain=False,
-        first=True,
     )
 
 

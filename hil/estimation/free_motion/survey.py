@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from hil.errors import Mismatch, NotEnoughData
-from hil.least_squares.standstill import extent, moving
+from hil.least_squares.standstill import YIELDED, extent, moving
 
 if TYPE_CHECKING:
     from collections.abc import Iterable
@@ -26,9 +26,6 @@ SLOWEST = 1e-5
 """Lower bound of reference speeds, which speeds are divided by [rad/s or m/s]."""
 SPAN = 0.05
 """Averaging time of speeds [s]."""
-YIELDED = (0.4 / 4.0) ** 2
-"""Largest deflection of a standing axis, relative to the widest range of the axes, with a servo of
-4 Hz, as of arms under impedance control or a policy; see `hil.least_squares.standstill.CARRIED`."""
 CONFIGURATIONS = 200
 """Number of positions representing the range of the motion."""
 FEWEST = 50

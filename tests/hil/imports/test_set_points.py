@@ -35,10 +35,9 @@ def messages(folder, t, q, tau):
 
 
 @pytest.mark.parametrize(("every", "log"), [(40, 20), (50, 10), (20, 4)])
-def test_torques_that_step_with_the_set_points_are_named_first(tmp_path, every, log):
+def test_torques_that_step_with_the_set_points_are_named(tmp_path, every, log):
     t, q, tau = followed(every)
     (one,) = messages(tmp_path, t[::log], q[::log], tau[::log])
-    assert one.first
     assert not one.certain
     assert f"steps every {every // log} rows ({1000 / every:.3g} Hz)" in one.message
 
