@@ -156,7 +156,8 @@ def estimate_from(
     visited, silent = configurations(found), silent_axes(gathered.stretches, found.still)
     both = halves(robot, gathered.stretches, scaling, choice, gathered.first)
     noise = noise_directions(both, len(gathered.first)) if both else None
-    of = visited, found.still, options, noise
+    # axes that hardly move leave parameters without data, as axes at rest do
+    of = visited, sorted({*found.still, *found.nearly_still}), options, noise
     try:
         solution = solve(robot, products, choice, solver, *of, silent=bool(silent))
     except NotIdentifiable as error:
@@ -182,7 +183,7 @@ def estimate_from(
         repeated=repeated_torques(gathered.stretches),
         blocks=products.n_pieces,
         still=tuple(axis + 1 for axis in found.still),
-        rest={axis + 1: float(found.rest[axis]) for axis in found.still},
+        rest={axis + 1: float(found.middle[axis]) for axis in found.still},
         driving=tuple(axis + 1 for axis in driving_axes(fit)),
         unusual=tuple(
             axis + 1

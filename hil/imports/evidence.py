@@ -48,6 +48,8 @@ class Suspicion:
         True if the import is refused; other suspicions are stated.
     first : bool
         True for wrong times of rows, from which the misfit of any model follows.
+    last : bool
+        True for a joint at rest: no mistake.
     """
 
     check: Check
@@ -55,12 +57,12 @@ class Suspicion:
     message: str
     certain: bool = True
     first: bool = False
+    last: bool = False
 
     @property
-    def gravity(self) -> tuple[bool, int, bool]:
-        """Key that sorts suspicions, the gravest first: a joint at rest is no mistake."""
-        column = self.location[-1:]
-        return not self.first, GRAVITY.index(self.check), column == ("position",)
+    def gravity(self) -> tuple[bool, bool, int]:
+        """Key that sorts suspicions, the gravest first."""
+        return not self.first, self.last, GRAVITY.index(self.check)
 
 
 HALF_WIDTH = 0.02

@@ -27,6 +27,7 @@ from hil.imports.misread import (
     small,
     unmeasurable,
 )
+from hil.imports.set_points import stepping_torques
 from hil.imports.two_clocks import clock_of_velocities
 from hil.least_squares.standstill import moving_in
 from hil.model.frames import ROUNDED_OFF
@@ -100,6 +101,8 @@ def suspicions(
         found += misread
         wrong = any(suspicion.certain for suspicion in found)
         held = [] if wrong else list(_held(excerpts, evidence))
+        if not held and not wrong:
+            held = list(stepping_torques(excerpts, evidence.moves))
         found += held
         found += () if clock or held else _noisy(excerpts)
     if not any(suspicion.certain for suspicion in found):
@@ -114,7 +117,7 @@ def suspicions(
             if misread_map and whole:
                 misread_map = list(mechanical_suspicions(whole(), robot, shown))
             found += misread_map
-    return sorted(found, key=lambda suspicion: not suspicion.certain)
+    return sorted(found, key=lambda suspicion: (not suspicion.certain, suspicion.last))
 
 
 def _still(
@@ -144,6 +147,7 @@ def _still(
                 "used only if neither a brake nor static friction carries the load; check column "
                 "and unit",
                 certain=alone is not None,
+                last=alone is None,
             )
         # other joints may move by 2 % of the moving joint's distance, because servos yield
         if alone is not None and joint != alone and moves and way > 0.02 * ways[alone]:

@@ -152,7 +152,9 @@ def _true_steps(q: Array, counted: Integers, twice: Mask) -> tuple[Integers, Mas
     # a late row has a short step beside it, and joints that start at once have other speeds
     for beside in (steps[at - 1], steps[at + 1]):
         clear &= np.abs(beside / ordinary - 1.0) < 2 * WHOLE
-    enough = clear.sum(axis=1) >= need
+    # where a row is repeated, and one joint alone moves, this joint suffices
+    alone = twice[at] & (visible.sum(axis=1) == 1)
+    enough = clear.sum(axis=1) >= np.where(alone, 1, need)
     at, clear, visible = at[enough], clear[enough], visible[enough]
     if not len(at):
         return true, shown

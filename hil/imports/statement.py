@@ -13,7 +13,7 @@ import numpy as np
 from hil.imports.clock import clocks, common_ratio
 from hil.imports.misread import FITS, compared
 from hil.imports.plausibility import coarse
-from hil.runs.journal import FIRST
+from hil.runs.journal import FIRST, LAST
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
@@ -159,7 +159,8 @@ class Statement:
         """Doubts with the line of the map and the remedy."""
         return tuple(
             f"{self.the_map.wrong(s.location, s.message)};"
-            f" {FIRST if s.first else 'correct the map'}, or write accept: [{s.check}] at the"
+            f" {FIRST if s.first else LAST if s.last else 'correct the map'}, or write accept:"
+            f" [{s.check}] at the"
             " top level of the map if this is correct, and import again"
             for s in self.doubts
         )

@@ -35,6 +35,9 @@ CARRIED = (0.4 / 10.0) ** 2
 Motion of range R and frequency f accelerates an arm by (2 pi f)^2 R. Coupling carries at most as
 much to another axis, which a servo of bandwidth f_s holds within (f / f_s)^2 R: 0.4 Hz are usual of
 a motion, and 10 Hz of a servo."""
+YIELDED = (0.4 / 4.0) ** 2
+"""Largest deflection of a standing axis with a servo of 4 Hz, as of arms under impedance control or
+a policy, relative to the widest range of the axes."""
 NOISY = 10.0
 """Width of the noise band in standard deviations: one sample of two million lies outside."""
 ROUNDING = 1e-9

@@ -237,3 +237,30 @@ def correlation_of(covariance: Array) -> Array:
     finite = np.isfinite(variance) & (variance > 0)
     scale = np.where(finite, 1.0, 0.0) / np.sqrt(np.where(finite, variance, 1.0))
     return np.where(np.isfinite(covariance), covariance, 0.0) * np.outer(scale, scale)
+
+
+def shrunk(change: Array, root: Array, square: float) -> Array:
+    """Return the likeliest change by an omitted column, shape (n,).
+
+    In combinations of unknowns that are hardly excited, two solutions differ by any amount. A
+    column c moves the unknown of a column z by |c| / |z| at most, unless other columns resemble z.
+    With these bounds as standard deviations of a prior of covariance P, and the covariance V of the
+    solution, the change d becomes P (P + V)^-1 d. Combinations with errors far below the bounds
+    keep the whole change.
+
+    Parameters
+    ----------
+    change : ndarray, shape (n,)
+        Difference of the solutions with and without the column.
+    root : ndarray, shape (m, k)
+        Root C of the covariance C C' of all m >= n unknowns, for equations of unit variance.
+    square : float
+        Sum of squares of the column times its unknown.
+    """
+    n = len(change)
+    lengths = (np.linalg.pinv(root)[:, :n] ** 2).sum(axis=0)
+    P = np.diag(square / np.where(lengths > 0, lengths, np.inf))
+    V = root[:n] @ root[:n].T
+    scale = np.sqrt(np.maximum(np.diag(P + V), np.finfo(float).tiny))
+    weighed = solved((P + V) / np.outer(scale, scale), change / scale)
+    return np.asarray(P @ (weighed / scale))

@@ -35,7 +35,7 @@ from hil.results.judgement import (
 from hil.results.possible import impossible_inertias, impossible_links
 from hil.results.prediction import free_torques, uncertainty
 from hil.results.residual import unexplained
-from hil.runs.journal import FIRST
+from hil.runs.journal import FIRST, LAST
 from hil.show.rounding import above, significant, uncertain, unit
 
 if TYPE_CHECKING:
@@ -167,9 +167,16 @@ def _stated(each: Impossible) -> str:
 
 
 def _doubted(model: Model) -> Iterator[Reservation]:
-    """Yield unresolved warnings of imports, but for those of `_first`."""
+    """Yield unresolved warnings of imports, but for those of `_first` and of joints at rest."""
     for warning in model.provenance.warnings:
-        if FIRST not in warning:
+        if FIRST not in warning and LAST not in warning:
+            yield _warned(warning)
+
+
+def _resting(model: Model) -> Iterator[Reservation]:
+    """Yield warnings of imports of joints at rest; other rules state the effect."""
+    for warning in model.provenance.warnings:
+        if LAST in warning:
             yield _warned(warning)
 
 
@@ -284,9 +291,20 @@ def _biased(model: Model, fit: FreeMotionFit) -> Iterator[Reservation]:
         )
 
 
-def _not_identified(model: Model, fit: FreeMotionFit) -> Iterator[Reservation]:
+NAMED = 3
+"""Most parameters named in a sentence; the table of the parameters shows all."""
+
+
+def _not_identified(model: Model) -> Iterator[Reservation]:
+    """Yield a doubt about parameters without data: the cause of unknown torques."""
+    fit = model.details
+    if not isinstance(fit, FreeMotionFit):
+        return
     titles = dict(zip(model.names, base_parameters(model.robot).titles, strict=True))
-    names = ", ".join(map(titles.__getitem__, fit.not_identified))
+    listed = [titles[name] for name in fit.not_identified]
+    names = ", ".join(listed[:NAMED])
+    if len(listed) > NAMED:
+        names += f" and {len(listed) - NAMED} more"
     cad = "take bodies from CAD (hil identify --prior cad=0.3 --urdf FILE)"
     if names and fit.still:
         yield doubtful(
@@ -310,7 +328,6 @@ def _free_motions(model: Model) -> Iterator[Reservation]:
         yield from reservations((partial(_unexplained, in_motion=left),), model.details)
         yield from _biased(model, model.details)
         yield from reservations(OF_FREE_MOTIONS, model.details)
-        yield from _not_identified(model, model.details)
 
 
 def _unexcited(model: Model) -> Iterator[Reservation]:
@@ -402,7 +419,9 @@ OF_DATA: tuple[Rule[Model], ...] = (
 """Rules on the measurements of a model, independent of its use."""
 OF_MISTAKES: tuple[Rule[Model], ...] = (_found, _doubted, _free_motions)
 """Rules on what may be wrong with recordings and map, and so leave a residual."""
-OF_MODELS: tuple[Rule[Model], ...] = (_unexcited, _impossible, *OF_DATA, _causes)
+OF_MODELS: tuple[Rule[Model], ...] = (
+    _not_identified, _unexcited, _impossible, *OF_DATA, _causes, _resting,
+)  # fmt: skip
 
 
 EVERY = "torques of all axes"

@@ -37,6 +37,8 @@ NO_REAL_MACHINE = "SIMULATED: measured on the virtual plant, no real machine"
 PACKAGES = (DISTRIBUTION, "canopen", "python-can", "numpy", "h5py")
 FIRST = "correct the map first, as other findings may follow from this"
 """Words of a warning that comes before all findings of an identification."""
+LAST = "correct the map if the joint should move"
+"""Words of a warning that comes after all findings: a joint at rest is no mistake."""
 EXACT = 1e-6
 """Maximum jitter caused by rounding [s]."""
 

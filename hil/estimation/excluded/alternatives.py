@@ -29,6 +29,7 @@ from hil.estimation.excluded.columns import across_gravity, instants
 from hil.least_squares.normal_equations import Normal
 from hil.least_squares.regression import ROUNDS, Regression
 from hil.least_squares.solving import inverse, solve_each
+from hil.least_squares.standstill import YIELDED
 from hil.model.dynamics import mass_matrix, regressor
 
 if TYPE_CHECKING:
@@ -266,15 +267,21 @@ class Explained:
         """Chi square lost by the nearest parameters without motions of negative kinetic energy.
 
         The energy of a motion v is E = v'(M(q) + rotors) v, linear in p. For a positive E the
-        misfit must increase by E^2 over its variance, if the noise is white.
+        misfit must increase by E^2 over its variance, if the noise is white. Axes that only give
+        way to others are no part of v: friction before sliding holds such an axis like a spring,
+        which resembles a negative inertia.
         """
         robot, some = self.robot, self._some
         rotors = np.diag(robot.reflected_inertia / self.reading.gear**2)
-        energies, motions = np.linalg.eigh(mass_matrix(robot, self.p, some) + rotors)
+        reach = np.ptp(self.evidence.motion[1, 0], axis=0)
+        moving = np.flatnonzero(reach > YIELDED * reach.max(initial=0.0))
+        inertia = mass_matrix(robot, self.p, some) + rotors
+        energies, motions = np.linalg.eigh(inertia[:, moving[:, None], moving])
         if not (energies < 0).any():
             return 0.0
         at, which = np.nonzero(energies < 0)
-        v, n = motions[at, :, which], len(self.p)
+        v, n = np.zeros((len(at), robot.n_joints)), len(self.p)
+        v[:, moving] = motions[at, :, which]
         A = regressor(robot, some[at], np.zeros_like(v), v, gravity=np.zeros(3))
         a = np.einsum("ij,ijk->ik", v, A)
         variance = np.einsum("ij,jk,ik->i", a, inverse(self.information)[:n, :n], a)

@@ -208,12 +208,14 @@ class Battery:
         self.solution = regression.solution[: self._X.shape[1]]
         """Base parameters, shape (n_base,)."""
         self._root = root = np.sqrt(self.weights)[self._channel]
+        self.covariance_root = inverse_root(regression.normal.information)
+        """Root of the covariance of all fitted unknowns, base parameters first."""
         self._estimated = Basis(
             rows[:, 1:] * root[:, None],
             self._channel,
             self._starts,
             [blocks.layout.place(channel) for channel in range(e.n_channels)],
-            inverse_root(regression.normal.information),
+            self.covariance_root,
         )
         y, D = self._y[:, 0] * root, self._weighted
         self._residual = self._estimated.project_out(y)
@@ -264,6 +266,11 @@ class Battery:
                 left[:, k] *= response
                 beside = float(moved @ moved) - response**2 * square
                 self.elsewhere[k] = beside / self._counts[name.axis]
+
+    def square(self, test: Test) -> float:
+        """Return the weighted sum of squares of the torque of a cause."""
+        torque = (self._D[:, test.columns] @ test.size) * self._root
+        return float(torque @ torque)
 
     @property
     def _weighted(self) -> Array:

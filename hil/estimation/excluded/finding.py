@@ -33,6 +33,7 @@ from hil.estimation.excluded.friction_change import friction_changes
 from hil.estimation.excluded.limits import SETTLED, limits
 from hil.estimation.excluded.result import Excluded, Found, located
 from hil.estimation.excluded.words import axes_of, describe_reading, describe_size, name_of, rank_of
+from hil.least_squares.uncertainty import shrunk
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Sequence
@@ -277,9 +278,10 @@ class Step:
         )
 
     def _change(self, key: Key, test: Test) -> tuple[float, ...]:
-        """Return the change of the base parameters by fitting a cause in addition."""
+        """Return the likeliest change of the base parameters by fitting a cause in addition."""
         beside = self.beside if key == self.key else self.battery.extend(test.columns.tolist())
-        return tuple((beside.solution - self.battery.solution).tolist())
+        change = beside.solution - self.battery.solution
+        return tuple(shrunk(change, beside.covariance_root, self.battery.square(test)).tolist())
 
 
 def _is_gap(robot: Robot, key: Key, axis: int) -> bool:

@@ -61,6 +61,9 @@ SHARE = 0.6
 """Weight of the spread of alternatives in the covariance. With this weight the errors on twins of
 seven robots, twelve seeds each, are 0.6 (seven axes) to 1.2 times (portal) the stated errors.
 """
+MOST = 0.5
+"""Share of a mean square above which a torque does not follow the model: more is left than
+explained."""
 OTHER_LAWS = ("cube root", "arc tangent", "all speeds and load", "all")
 """Alternative laws, which cover most forms of friction over speed."""
 
@@ -280,13 +283,35 @@ def held_axes(pieces: Blocks, still: Sequence[int]) -> tuple[int, ...]:
     still : sequence of int
         Axes at rest.
     """
+    return tuple(axis for axis in still if _share_left(pieces, axis, ("offset",)) >= 1.0)
 
-    def held(axis: int) -> bool:
-        products = np.zeros_like(pieces.products)
-        products[:, axis] = pieces.products[:, axis]
-        own = replace(pieces, products=products).normal(np.ones(pieces.n_channels))
-        held_out, offset = HeldOut(own, own), pieces.layout.index("offset", axis)
-        every = np.append(np.arange(len(pieces.shared)), offset)
-        return float(held_out.error(every).sum()) >= float(held_out.error(every[-1:]).sum())
 
-    return tuple(axis for axis in still if held(axis))
+def yielding_axes(pieces: Blocks, near: Sequence[int]) -> tuple[int, ...]:
+    """Return the axes among `near`, from 0, that only give way to the motion of other axes.
+
+    Such an axis moves within the presliding distance, or by jerks. Any torque up
+    to static friction holds it, so all columns and friction together leave most of its mean square
+    in held-out pieces of time.
+
+    Parameters
+    ----------
+    pieces : Blocks
+        By piece of time, a channel per axis.
+    near : sequence of int
+        Axes that hardly move.
+    """
+    return tuple(axis for axis in near if _share_left(pieces, axis, pieces.layout.own) > MOST)
+
+
+def _share_left(pieces: Blocks, axis: int, own: Sequence[str]) -> float:
+    """Return the squared error of an axis in held-out pieces, over that of a constant torque.
+
+    `own` are the fitted unknowns of the axis beside the shared ones.
+    """
+    products = np.zeros_like(pieces.products)
+    products[:, axis] = pieces.products[:, axis]
+    equations = replace(pieces, products=products).normal(np.ones(pieces.n_channels))
+    held_out, layout = HeldOut(equations, equations), pieces.layout
+    every = [*range(len(pieces.shared)), *(layout.index(name, axis) for name in own)]
+    constant = float(held_out.error(np.array([layout.index("offset", axis)])).sum())
+    return float(held_out.error(np.array(every)).sum()) / constant if constant else np.inf

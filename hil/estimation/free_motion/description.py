@@ -244,6 +244,11 @@ def remarks(
         moves = f"axis {axes} does" if len(found.still) == 1 else f"axes {axes} do"
         said.append(f"{moves} not move in the recordings: no friction identified")
     said += [
+        f"axis {axis + 1}: moves by {found.reach[axis]:.2g} {robot.position_unit(axis)} only, as "
+        "servo and friction give way to the other axes: not excited"
+        for axis in found.yielding
+    ]
+    said += [
         f"axis {axis + 1}: its torque at rest does not follow the motion of the other axes; a "
         "brake or static friction may carry the load, so this torque is not used"
         for axis in held

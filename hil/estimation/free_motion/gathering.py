@@ -22,6 +22,7 @@ from hil.estimation.free_motion.choice import (
     covariance_of_choices,
     held_axes,
     usual,
+    yielding_axes,
 )
 from hil.estimation.free_motion.drift import Drift, find_drift
 from hil.estimation.free_motion.motion import filtered_motion
@@ -202,8 +203,10 @@ def gather(
     found = survey(motions)
     processing, reasons = processing_of(found)
     chosen = variant.terms == "chosen"
-    if found.still and not found.unknown_gains:
-        processing = replace(processing, held=_held(robot, found, processing))
+    if (found.still or found.nearly_still) and not found.unknown_gains:
+        held, yielding = _held(robot, found, processing)
+        found = replace(found, yielding=yielding)
+        processing = replace(processing, held=(*held, *yielding))
     if chosen and not found.unknown_gains:
         processing = replace(processing, rests=_choose_rests(robot, found, processing))
     nuisances = find_nuisances(robot, found, processing, options.nuisance if chosen else ())
@@ -304,11 +307,15 @@ def rate_regressions(gathered: Sequence[Gathered]) -> list[Kind]:
     return kinds
 
 
-def _held(robot: Robot, found: Survey, processing: Processing) -> tuple[int, ...]:
-    """Return the axes at rest that are held by a brake or by static friction."""
+def _held(
+    robot: Robot, found: Survey, processing: Processing
+) -> tuple[tuple[int, ...], tuple[int, ...]]:
+    """Return the axes held by a brake or by static friction: at rest, and giving way."""
     motions = [filtered_motion(each, processing) for each in found.stretches]
     pieces = _first_pieces(robot, found, motions)
-    return () if pieces is None else held_axes(pieces, found.still)
+    if pieces is None:
+        return (), ()
+    return held_axes(pieces, found.still), yielding_axes(pieces, found.nearly_still)
 
 
 def _choose_rests(robot: Robot, found: Survey, processing: Processing) -> Rests:

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from hil.errors import Mismatch, NotEnoughData
-from hil.least_squares.standstill import extent, moving
+from hil.least_squares.standstill import YIELDED, extent, moving
 
 if TYPE_CHECKING:
     from collections.abc import Iterable
@@ -44,6 +44,8 @@ class Survey:
         Reference speed of each axis, exceeded by few samples [rad/s or m/s].
     rest : ndarray, shape (n_joints,)
         Positions of the axes at rest [rad or m], NaN for the others.
+    middle, reach : ndarray, shape (n_joints,)
+        Middle and width of the ranges of all axes [rad or m].
     duration : float
         Total duration [s].
     longest : float
@@ -54,22 +56,33 @@ class Survey:
         Ids of recordings without enough samples.
     unknown_gains : tuple of int
         Axes, from 0, with torques in units of unknown gain.
+    yielding : tuple of int
+        Axes, from 0, that only give way to the other axes (`hil.estimation.free_motion.choice`).
     """
 
     stretches: tuple[Recording, ...]
     speed: Array
     rest: Array
+    middle: Array
+    reach: Array
     duration: float
     longest: float
     n_recordings: int
     cut_off: float | None
     too_short: tuple[str, ...]
     unknown_gains: tuple[int, ...] = ()
+    yielding: tuple[int, ...] = ()
 
     @property
     def still(self) -> tuple[int, ...]:
-        """Axes at rest, from 0."""
-        return tuple(np.flatnonzero(np.isfinite(self.rest)).tolist())
+        """Axes at rest, from 0, and axes that only give way."""
+        return tuple(sorted({*np.flatnonzero(np.isfinite(self.rest)).tolist(), *self.yielding}))
+
+    @property
+    def nearly_still(self) -> tuple[int, ...]:
+        """Axes, from 0, that move no further than soft servos give way."""
+        near = np.isnan(self.rest) & (self.reach <= YIELDED * self.reach.max())
+        return tuple(np.flatnonzero(near).tolist())
 
 
 class _Stretches:
@@ -131,6 +144,8 @@ def survey(
             f"no recording has {FEWEST} samples or more; import longer ones without gaps"
         )
     still = ~moving(extents)
+    low, high = (np.array([each[k] for each in extents]) for k in (0, 1))
+    middle = ((low + high) / 2).mean(axis=0)
     # the axes of unknown gain, from 0, common to the recordings
     name, axes = next(iter(unknown.items()))
     for other, its in unknown.items():
@@ -142,7 +157,9 @@ def survey(
     return Survey(
         stretches=tuple(stretches.kept),
         speed=np.where(still, 1.0, np.maximum(np.max(speeds, axis=0), SLOWEST)),
-        rest=np.where(still, np.mean([(each.low + each.high) / 2 for each in extents], 0), np.nan),
+        rest=np.where(still, middle, np.nan),
+        middle=middle,
+        reach=high.max(axis=0) - low.min(axis=0),
         duration=duration,
         longest=longest,
         n_recordings=len(speeds),

@@ -229,3 +229,21 @@ def test_velocities_in_rpm_of_the_motor_are_named_by_unit_and_side(tmp_path):
     columns["v1"] *= 50 * 30 / np.pi
     with pytest.raises(FileError, match="velocity is in rpm on the motor's side at a gear ratio"):
         stated(tmp_path, columns)
+
+
+@pytest.mark.parametrize(("every", "omega"), [(40, [35.0, 20.0]), (60, [35.0, 14.0])])
+def test_servos_that_follow_held_set_points_contradict_no_rate(tmp_path, every, omega):
+    """Set-points of a policy, new every 40 or 60 ms, let the speed ripple between the samples."""
+    t = np.arange(40_000) * 1e-3
+    q, v = np.zeros((2, len(t), 2))
+    wanted, omega = motion(t)[0], np.array(omega)
+    for k in range(1, len(t)):
+        held = wanted[(k - 1) // every * every]
+        pull = 1e-3 * (omega**2 * (held - q[k - 1]) - 1.6 * omega * v[k - 1])
+        v[k] = v[k - 1] + pull
+        q[k] = q[k - 1] + 1e-3 * v[k]
+    columns = table(time=t[::20])
+    for name, x in zip(["q1", "q2", "v1", "v2"], [*q[::20].T, *v[::20].T], strict=True):
+        columns[name] = x
+    found = stated(tmp_path, columns, accept=["shape"]).suspicions
+    assert [s.message for s in found if s.location == ("time",)] == []

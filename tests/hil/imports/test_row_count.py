@@ -40,6 +40,25 @@ def test_rows_that_were_written_twice_are_left_out(tmp_path, share):
     assert deviation(run) < 1e-9
 
 
+@pytest.mark.parametrize("share", [0.04, 0.12])
+@pytest.mark.parametrize("held", [True, False])
+def test_rows_repeated_while_one_joint_moves_are_judged_by_this_joint(tmp_path, share, held):
+    """Joints are jogged one after the other: no row shows the steps of two."""
+    columns = {name: COLUMNS[name].copy() for name in ("q1", "q2")}
+    columns["q1"][: N // 2] = columns["q1"][N // 2]
+    columns["q2"][N // 2 :] = columns["q2"][N // 2]
+    twice = some_rows(share)[:-1] & ~some_rows(share)[1:]
+    if held:
+        kept = ROWS.copy()
+        kept[1:][twice] -= 1
+    else:
+        kept = np.repeat(ROWS, 1 + np.append(twice, False))
+    _, stated = imported(tmp_path, kept, accept=["shape"], **columns)
+    lines = "\n".join(stated.lines())
+    assert ("repeat the row before" in lines) == held
+    assert ("are written twice" in lines) == (not held)
+
+
 def test_rows_that_hold_the_values_of_the_row_before_keep_their_time(tmp_path):
     held = np.flatnonzero(some_rows(0.04)[:-1] & ~some_rows(0.04)[1:]) + 1
     kept = ROWS.copy()

@@ -19,6 +19,7 @@ from hil.least_squares.uncertainty import (
     leave_one_out,
     sandwich,
     scatter,
+    shrunk,
 )
 
 if TYPE_CHECKING:
@@ -156,3 +157,14 @@ def test_the_solution_without_a_measurement_follows_from_its_score() -> None:
     without = solved(shares[1:].sum(axis=0), sides[1:].sum(axis=0))
     first = solved(shares[1:].sum(axis=0), shares[0] @ found.x - sides[0])
     np.testing.assert_allclose(without - found.x, first, rtol=1e-8)
+
+
+def test_a_change_within_the_errors_of_a_weak_combination_is_none() -> None:
+    """Two columns of length 100 are alike but for a hundred-thousandth."""
+    rng = np.random.default_rng(3)
+    z = rng.standard_normal(10_000)
+    Z = np.stack([z, z + 1e-5 * rng.standard_normal(10_000)], axis=1)
+    root = np.linalg.inv(np.linalg.cholesky(Z.T @ Z)).T
+    sum_of_both, difference = np.array([1.0, 1.0]), np.array([1.0, -1.0])
+    found = shrunk(0.1 * sum_of_both + 60.0 * difference, root, square=0.2**2 * float(z @ z))
+    np.testing.assert_allclose(found, 0.1 * sum_of_both, atol=0.02)

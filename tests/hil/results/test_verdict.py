@@ -21,7 +21,7 @@ from hil.results.model import Model
 from hil.results.model_file import NAME
 from hil.results.validation import judged, scored
 from hil.results.verdict import verdict
-from hil.runs.journal import FIRST
+from hil.runs.journal import FIRST, LAST
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -264,3 +264,19 @@ def test_a_model_that_was_edited_or_cut_off_is_refused(model: Model, tmp_path: P
     ) as refused:
         Model.load(path)
     assert len(str(refused.value).splitlines()) == 1
+
+
+def test_a_joint_at_rest_is_stated_after_weightier_doubts(model: Model) -> None:
+    warned = (
+        f"map.yaml:3: joints.1.position: moves by only 1 mm; {LAST}, or write accept",
+        "map.yaml:5: joints.2.torque: is saturated; correct the map, or write accept",
+    )
+    provenance = model.provenance.model_copy(update={"warnings": warned})
+    condition = model.condition | {"gravity": 4000.0}
+    found = verdict(replace(model, provenance=provenance, condition=condition))
+    begins = [each.reason.split(":")[0] for each in found.reasons]
+    assert begins[0] == "import warned"
+    assert "joints.2.torque" in found.reason
+    doubts = [each.reason for each in found.reasons if each.word == "doubtful"]
+    assert "joints.1.position" in doubts[-1]
+    assert any("condition number" in each for each in doubts[1:-1])

@@ -209,3 +209,23 @@ def test_static_friction_of_long_rests_is_no_offset(follows):
     assert np.all(errors < 0.05 * COULOMB)
     assert np.all(np.abs(offsets - OFFSET) < 3.0 * errors)
     assert np.all(np.abs(found.values - TRUTH) < 2.0 * found.half_width())
+
+
+def test_an_axis_that_only_gives_way_is_not_excited(monkeypatch):
+    """A soft servo lets a standing axis move by some mrad, within or by jerks of its friction."""
+    robot = arm()
+    data, p = recordings(monkeypatch, robot, 1)
+    rng = np.random.default_rng(4)
+    for _, recording in data:
+        noise = rng.standard_normal((2, recording.n_samples + 200))
+        slow = [np.convolve(each, np.hanning(201) / 12.0, "valid") for each in noise]
+        recording.q[:, 1] += 4e-3 * slow[0]
+        recording.tau[:, 1] = 3.0 * slow[1]
+    found = estimate(robot, data, "free motion")
+    assert found.details.still == (2,)
+    assert any("axis 2: moves by 0.0" in each for each in found.details.remarks)
+    motion = resting(1)(np.arange(0.0, 20.0, 0.1), 9)
+    wrong = inverse_dynamics(robot, found.values, *motion) - inverse_dynamics(robot, p, *motion)
+    error = errors(robot, found, motion)[:, 0]
+    assert np.all(np.abs(wrong[:, 0]) < 5.0 * error.max())
+    assert error.max() < 1.0
