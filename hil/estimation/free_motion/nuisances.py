@@ -9,7 +9,8 @@ minutes of an arm without any lag, Coulomb friction at all speeds gave lags of -
 rigid-body torques wrong by 1.1 %; all terms above the least dead zone gave a lag of 0.4 ± 0.4 ms.
 The search therefore starts with lags on fast samples, where friction after a reversal cannot be
 mistaken for a lag. Soft gears follow, then lags again, since the two are similar, and then
-presliding, with compensated lags, on all samples, where presliding shows. Nuisances are admitted
+presliding, with compensated lags, on all samples, where presliding shows. Lags are then found anew:
+friction of a slow axis that reverses over some distance resembles a delay. Nuisances are admitted
 one axis at a time: the one with the best prediction of held-out blocks, if the improvement is
 certain (`hil.least_squares.choice`); all admitted nuisances are then estimated anew. Once one gear
 is admitted as soft, all gears are freed, and those with a certain compliance stay soft: a soft gear
@@ -134,13 +135,20 @@ def find_nuisances(
     if state.soft.any() and "lag" in wanted:
         in_time = replace(State.start(robot.n_joints), soft=state.soft)
         state, error = _sure(fast, fast.grown(in_time, axes, fast.add_lag), "late")
+    ended = fast.edges(state)
+    if "presliding" in wanted:
+        state = whole.grown(state, moving, whole.add_presliding)
+        if state.direction.any() and state.late.any():
+            in_time = replace(
+                State.start(robot.n_joints), soft=state.soft, direction=state.direction
+            )
+            state, error = _sure(fast, fast.grown(in_time, axes, fast.add_lag), "late")
     if "lag" in wanted:
         edges += [
             Edge(axis=axis + 1, what=LAG_OF_TORQUE, value=1e3 * lag, bound=1e3 * most, unit="ms")
-            for axis, lag in fast.edges(state).items()
+            for axis, lag in (fast.edges(state) if ended else {}).items()
+            if axis in ended
         ]
-    if "presliding" in wanted:
-        state = whole.grown(state, moving, whole.add_presliding)
     distance = np.append(0.0, DISTANCES)[state.direction] * processing.speed
     return Nuisances(
         replace(
