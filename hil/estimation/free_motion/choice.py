@@ -289,9 +289,9 @@ def held_axes(pieces: Blocks, still: Sequence[int]) -> tuple[int, ...]:
 def yielding_axes(pieces: Blocks, near: Sequence[int]) -> tuple[int, ...]:
     """Return the axes among `near`, from 0, that only give way to the motion of other axes.
 
-    Such an axis moves within the presliding distance, or by jerks. Any torque up
-    to static friction holds it, so all columns and friction together leave most of its mean square
-    in held-out pieces of time.
+    Such an axis moves within the presliding distance, or by jerks. Any torque up to static friction
+    holds it, so all columns and friction together leave most of its mean square in held-out pieces
+    of time.
 
     Parameters
     ----------
