@@ -64,7 +64,7 @@ import numpy as np
 from hil.measuring.sequencer import AboutMeasurement
 from hil.planning.measurement import KINDS
 from hil.terminal.progress import doing, notice
-from hil.view.page import Track
+from hil.view.packed import Track
 from hil.view.visuals import robot_data, workspace_data
 
 if TYPE_CHECKING:

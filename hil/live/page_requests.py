@@ -42,7 +42,7 @@ if TYPE_CHECKING:
 
     from typing_extensions import Buffer
 
-    from hil.live.page_server import Streams
+    from hil.live.streams import Streams
 
 
 DEADLINE = 5.0

@@ -30,7 +30,7 @@ from hil.planning.timetable import SETTLING, travel_time
 from hil.planning.workspace import intrusions
 from hil.results.recorded_torque import convert_torques, predict_whole
 from hil.runs.set_points import set_points
-from hil.view.page import (
+from hil.view.packed import (
     INSTANT,
     Segment,
     Track,

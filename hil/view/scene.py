@@ -33,7 +33,7 @@ from hil.view.along_motion import (
     smallest,
     stretches,
 )
-from hil.view.page import Segment, Track, describe_motion, shown_kinds
+from hil.view.packed import Segment, Track, describe_motion, shown_kinds
 from hil.view.visuals import robot_data, workspace_data
 
 if TYPE_CHECKING:

@@ -23,7 +23,7 @@ from hil.model.frames import inverse
 from hil.model.readers.axes_to_frames import difference, find_frames
 from hil.model.readers.urdf import UrdfReader
 from hil.runs.atomic_file import file_errors
-from hil.view.page import packed
+from hil.view.packed import packed
 
 if TYPE_CHECKING:
     from collections.abc import Sequence

@@ -1,4 +1,4 @@
-// Decoder for the data of hil/view/page.py: whole numbers as differences, times a step.
+// Decoder for the data of hil/view/packed.py: whole numbers as differences, times a step.
 
 /** Decode one list of numbers. */
 export function unpack({ step, differences }) {

@@ -17,7 +17,7 @@ import pytest
 from live_page import PUSH, SERVER, STOP, Served, events, hand, served, watching
 
 from drivers.drive_bus import Sample
-from hil.live import page_requests, page_server
+from hil.live import page_requests, page_server, streams
 from hil.live.listener import Listener, ListenerFailed
 from hil.live.page_requests import (
     FILES,
@@ -29,7 +29,8 @@ from hil.live.page_requests import (
     is_ours,
     takes_time,
 )
-from hil.live.page_server import CLIENTS_MAX, PageServer, Streams
+from hil.live.page_server import PageServer
+from hil.live.streams import CLIENTS_MAX, Streams
 from sim_plant.serving import hand as plants_hand
 
 if TYPE_CHECKING:
@@ -480,7 +481,7 @@ def test_a_connection_that_was_closed_at_once_is_nobody_s() -> None:
 
 
 def test_a_page_that_never_reads_is_left(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(page_server, "PATIENCE", 0.0)
+    monkeypatch.setattr(streams, "PATIENCE", 0.0)
     ours, theirs = socket.socketpair()
     reading, read = socket.socketpair()
     passed_on = Streams()

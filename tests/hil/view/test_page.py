@@ -29,7 +29,7 @@ from hil.runs.run import Run
 from hil.runs.run_folder import RunFolder
 from hil.show.html import deflate
 from hil.view import page
-from hil.view.page import packed
+from hil.view.packed import packed
 from hil.view.scene import plan_scene, planned, robot_scene, run_scene
 
 if TYPE_CHECKING:
