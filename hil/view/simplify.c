@@ -1,4 +1,4 @@
-/* The swinging door: `hil.view.page.swinging_door` in C. Marks the samples that are kept. */
+/* The swinging door: `hil.view.packed.swinging_door` in C. Marks the samples that are kept. */
 
 #include <math.h>
 #include <stdint.h>
