@@ -52,7 +52,6 @@ from hil.least_squares.solving import (
     orthonormal,
     undetermined,
 )
-from hil.least_squares.uncertainty import sandwich
 from hil.least_squares.window import APART, rounding_window, smooth, weights, widen
 from hil.model.base_parameters import base_parameters
 from hil.model.dynamics import regressor
@@ -369,6 +368,8 @@ def scatter_of(share: Share, noise: Noise) -> Array:
 
 def covariance(known: Information, n_base: int) -> Array:
     """Compute the covariance of the base parameters, shape (n_base, n_base); inf if unknown."""
+    from hil.least_squares.uncertainty import sandwich  # noqa: PLC0415 - loads scipy
+
     P = nuisance_elimination(known.matrix, n_base)
     left, alone = P @ known.matrix[:, :n_base], np.diag(known.matrix)[:n_base]
     found = sandwich(inverse(left, IDENTIFIABLE, alone), sandwich(P, known.scatter))
