@@ -37,23 +37,14 @@ if TYPE_CHECKING:
 
 @contextmanager
 def local(workers: int) -> Iterator[Execute[Any, Any]]:
-    """Run several jobs on processes of this machine, one job in this process.
-
-    No process survives an error.
-    """
+    """Run jobs on processes of this machine; no process survives an error."""
     for library in ("OPENBLAS", "MKL", "OMP"):
         os.environ.setdefault(f"{library}_NUM_THREADS", "1")
     others = set(active_children())
     context = get_context("spawn")
     with ProcessPoolExecutor(workers, mp_context=context, initializer=_start) as pool:
-        in_pool = _executor(pool.submit, as_completed, BrokenExecutor)
-
-        def execute(function: Callable[[Any], Any], jobs: Iterable[Any]) -> Iterator[Any]:
-            every = list(jobs)
-            return _here(function, *every) if len(every) == 1 else in_pool(function, every)
-
         try:
-            yield execute
+            yield _executor(pool.submit, as_completed, BrokenExecutor)
         except BaseException:
             for worker in set(active_children()) - others:
                 worker.terminate()
@@ -88,15 +79,6 @@ def cluster(address: str) -> Iterator[Execute[Any, Any]]:
                 f"{address}: the Dask scheduler ended meanwhile; start it, and give the same"
                 " command again"
             ) from error
-
-
-def _here(function: Callable[[Any], Any], job: Any) -> Iterator[tuple[Any, Any]]:
-    """Execute a single job in this process, since starting another one takes a second."""
-    try:
-        result = function(job)
-    except Exception as error:
-        result = error
-    yield job, result
 
 
 def _executor(
