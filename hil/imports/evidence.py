@@ -243,6 +243,14 @@ def noise_shares(excerpts: Sequence[Excerpt]) -> Array:
     return share if most <= 1 / 2 else np.full_like(share, np.inf)
 
 
+def beyond_noise(left: Array, here: Array, noise: Array) -> Array:
+    """Subtract noise from mean squares, for comparison with the mean squares `here`.
+
+    A smaller value explains nothing of the noise; a greater value counts against it as a whole.
+    """
+    return np.where(here < left, np.maximum(left - noise, here), left)
+
+
 def parabola(period: float) -> Array:
     """Return weights of samples in position, velocity, acceleration of a local fit, (3, n)."""
     t = np.arange(-(half := half_width(period)), half + 1) * period

@@ -37,7 +37,7 @@ from hil.estimation.excluded.result import located
 from hil.estimation.excluded.words import rank_of
 from hil.estimation.signals import signals
 from hil.estimation.simultaneous import SimultaneousFit
-from hil.imports.evidence import Suspicion, noise_shares
+from hil.imports.evidence import Suspicion, beyond_noise, noise_shares
 from hil.imports.two_clocks import clock_of_torques, late_torques
 from hil.least_squares.uncertainty import TWICE
 from hil.model.base_parameters import base_parameters
@@ -275,9 +275,8 @@ def _misread(
 
 def _explains(stated: Explained, other: _Other, noise: Array) -> float:
     """Return the chi square that another reading explains beyond mean squares of `noise`."""
-    left, here = stated.left, other.explained.left
-    beyond = np.where(here < left, np.maximum(left - noise, here), left)
-    return float(stated.counts @ np.log(beyond / here))
+    here = other.explained.left
+    return float(stated.counts @ np.log(beyond_noise(stated.left, here, noise) / here))
 
 
 def _reordered(

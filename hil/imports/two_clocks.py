@@ -26,7 +26,7 @@ import numpy as np
 from hil.estimation.excluded.causes import CAUSES
 from hil.estimation.excluded.finding import LEAVES
 from hil.friction.direction import friction_direction
-from hil.imports.evidence import Suspicion, half_width, noise_shares
+from hil.imports.evidence import Suspicion, beyond_noise, half_width, noise_shares
 from hil.model.dynamics import regressor
 from hil.model.motors import motor_torque
 
@@ -149,15 +149,14 @@ def _suspicion(
     rows = _rows(excerpts, shown, key, columns, 1)
     one, many = _found(rows, shown, start)
     lag = float(one.lags[0])
-    # a joint shows nothing where noise explains what is left
     noise = noise_shares(excerpts)[shown] if key == "tau" else np.zeros(1)
     late = presliding is not None and abs(lag) > period
     if late:
         without = _lags(_together(rows), shown, reach=0.0)
-        left = np.maximum(without.left - noise, one.left)
+        left = beyond_noise(without.left, one.left, noise)
         late = _left(one, without._replace(left=left)) <= LEAVES
     if many is not None:
-        left = np.maximum(one.left - noise, many.left)
+        left = beyond_noise(one.left, many.left, noise)
         changes = _left(many, one._replace(left=left)) <= LEAVES
     # the instant of a row is known within a period; a lag that is found may change by half
     change = 0.0 if many is None else float(np.ptp(many.lags))

@@ -372,7 +372,7 @@ def _first_pieces(robot: Robot, found: Survey, motions: Sequence[Motion]) -> Blo
 def _unspoilt_stretches(
     found: Survey, motions: Iterable[tuple[FreeMotion, Recording]], processing: Processing
 ) -> list[Motion]:
-    """Filter the survey's stretches, or longer stretches if filter transients cover all of them."""
+    """Filter the stretches of a survey; longer stretches where filter transients fill these."""
     stretches = [filtered_motion(each, processing) for each in found.stretches]
     if any(each.used.any() for each in stretches):
         return stretches

@@ -9,7 +9,7 @@ import pytest
 from synthetic import TABLE_3_A
 
 from hil.friction.direction import friction_direction
-from hil.imports.evidence import Evidence, Excerpt
+from hil.imports.evidence import Evidence, Excerpt, beyond_noise
 from hil.imports.mechanics import mechanical_suspicions
 from hil.imports.plausibility import coarse, suspicions
 from hil.imports.two_clocks import clock_of_torques, clock_of_velocities
@@ -134,3 +134,9 @@ def test_noise_of_coarse_positions_is_no_other_rate_or_clock(manutec, seed):
     step = 2 * np.pi / 1024
     excerpts = [Excerpt(0.004, step * np.round(q / step), tau, qd, 1500)]
     assert not list(mechanical_suspicions(excerpts, manutec, ~coarse(Evidence.join(excerpts))))
+
+
+def test_a_joint_that_another_reading_explains_less_counts_against_it_whatever_the_noise():
+    left, here = np.array([4.0, 4.0, 1.0]), np.array([1.0, 3.5, 2.0])
+    assert beyond_noise(left, here, np.full(3, 1.0)).tolist() == [3.0, 3.5, 1.0]
+    assert beyond_noise(left, here, np.full(3, np.inf)).tolist() == [1.0, 3.5, 1.0]
