@@ -122,7 +122,8 @@ def fit_free_motions(
     beside = embedded(joint.beside, np.arange(n), len(fit.x))
     fit = replace(fit, covariance=fit.covariance + beside)
     visited = np.vstack([configurations(rate.found) for rate in rates])
-    solution = settled(robot, joint.regression, fit, visited, options.prior)
+    still = sorted(set.intersection(*({*rate.found.still} for rate in rates)))
+    solution = settled(robot, joint.regression, fit, visited, options.prior, still)
     return replace(
         fastest,
         values=solution.fit.x[:n],

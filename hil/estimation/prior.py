@@ -190,17 +190,27 @@ class Prior:
         return Completed(mean + rows @ u, (rows * variance) @ rows.T, share)
 
 
-def open_covariance(robot: Robot, N: Array) -> Array:
+def open_covariance(robot: Robot, N: Array, torque: Array | None = None) -> Array:
     """Compute the covariance of the unknowns in directions without data, shape of N.
 
     Along these directions, unknowns have the standard deviations `_sizes`. Zero if data determine
     all.
+
+    Parameters
+    ----------
+    N : ndarray, shape (n_base + k, n_base + k)
+        Normal equations: sums of squares as shares of each axis's sum of squared torques. Without
+        `torque` any weights of the axes, and the largest share of a parameter counts as 1.
+    torque : ndarray, shape (n_joints,), optional
+        Torque of each axis in the recordings, rms [N m or N]; NaN for axes at rest. By default
+        the torque limits.
     """
     n, lost = len(base_parameters(robot)), undetermined(N) | (np.diag(N) == 0)
     if not lost[:n].any():
         return np.zeros_like(N)
-    size = _sizes(robot)
-    squares = _squares(N, size)
+    known = robot.torque_limit if torque is None else torque
+    size = _sizes(robot, np.where(np.isnan(robot.torque_limit), known, robot.torque_limit))
+    squares = _squares(robot, N, torque)
     lost |= undetermined(N, IDENTIFIABLE, squares)
     free = null_space(N, IDENTIFIABLE, squares) * lost[:, np.newaxis]
     _, values, V = np.linalg.svd(free[:n] / size[:, np.newaxis], full_matrices=False)
@@ -210,34 +220,41 @@ def open_covariance(robot: Robot, N: Array) -> Array:
     return covariance
 
 
-def least_unknowns(robot: Robot, N: Array) -> Array:
+def least_unknowns(robot: Robot, N: Array, torque: Array | None = None) -> Array:
     """Return the matrix T, shape of N: T x are the least unknowns, by size, with the torques N x.
 
-    Noise of positions excites directions beyond `IDENTIFIABLE`, which are left out.
+    Noise of positions excites directions beyond `IDENTIFIABLE`, which are left out. Parameters as
+    in `open_covariance`.
     """
-    root = inverse_root(N, IDENTIFIABLE, _squares(N, _sizes(robot)))
+    root = inverse_root(N, IDENTIFIABLE, _squares(robot, N, torque))
     return np.asarray(root @ root.T @ N)
 
 
-def _squares(N: Array, size: Array) -> Array:
-    """Return squares of columns with torques of equal size, the loudest as long as in N.
+def _squares(robot: Robot, N: Array, torque: Array | None) -> Array:
+    """Return squares of columns that decide which directions of N are determined.
 
-    Those of unknowns beside the base parameters are as in N.
+    A column of a base parameter is as long as in N, but at least as long as a torque of the
+    parameter's size by the recorded torques, else by the torque limits: a column that is hardly
+    there counts as short. Those of unknowns beside the base parameters are as in N.
     """
+    known = robot.torque_limit if torque is None else torque
+    size = _sizes(robot, np.where(np.isnan(known), robot.torque_limit, known))
     found, n = np.diag(N).copy(), len(size)
-    found[:n] = np.max(found[:n] * size**2) / size**2
+    one = 1.0 if torque is not None else np.max(found[:n] * size**2)
+    found[:n] = np.maximum(found[:n], one / size**2)
     return found
 
 
-def _sizes(robot: Robot) -> Array:
-    """Return physical sizes of the base parameters, shape (n_base,).
+def _sizes(robot: Robot, most: Array) -> Array:
+    """Return sizes of the base parameters by the largest torques of the axes, shape (n_base,).
 
     No rigid-body torque exceeds the torque limits by far. So the size of a base parameter is the
-    value with which it alone needs the torque limit of an axis, the least of all axes, as rms over
-    positions, speeds and accelerations of up to 1 in SI.
+    value with which it alone needs the torque `most` of an axis, shape (n_joints,), the least of
+    all axes, as rms over positions, speeds and accelerations of up to 1 in SI. NaN stands for the
+    largest torque of the others.
     """
     motion = np.random.default_rng(0).uniform(-1.0, 1.0, (3, 100, robot.n_joints))
     torque = np.sqrt(np.mean(regressor(robot, *motion) ** 2, axis=0))
-    limit = np.nan_to_num(robot.torque_limit, nan=np.nanmax(robot.torque_limit, initial=1.0))
-    alone = limit[:, np.newaxis] / np.maximum(torque, np.finfo(float).eps)
+    most = np.nan_to_num(most, nan=np.nanmax(most) if np.isfinite(most).any() else 1.0)
+    alone = most[:, np.newaxis] / np.maximum(torque, np.finfo(float).eps)
     return np.asarray(alone.min(axis=0))

@@ -25,6 +25,8 @@ from hil.estimation.prior import Prior
 from hil.least_squares.standstill import braked
 from hil.model.dynamics import inverse_dynamics, regressor
 from hil.model.motors import motor_torque
+from hil.model.robot import Robot
+from hil.runs.recording import Recording
 
 BODIES = np.array([
     [0.5, 0.1, 0.0, 3.0, 0.0, 3.0, 4.0, 0.5, 0.2, 10.0],
@@ -123,6 +125,45 @@ def test_a_prior_of_bodies_leaves_a_rotor_without_data_unidentified(monkeypatch,
     assert found.details.not_identified == (("p7",) if method == "free motion" else ())
     assert found.covariance[6, 6] > 1.0
     assert np.isfinite(found.covariance).all()
+
+
+@pytest.mark.parametrize("axis", [0, 1, 2])
+def test_a_wrist_with_a_millionth_of_the_torque_costs_no_parameter_of_the_base(axis):
+    """Weights by noise are 10^12 times as large for this wrist, far below its torque limit."""
+    link = {
+        "q_min": -3.0, "q_max": 3.0, "velocity_limit": 3.0, "acceleration_limit": 20.0,
+        "torque_limit": 90.0, "parameters": ["Izz", "sx", "sy"],
+    }  # fmt: skip
+    frames = ({"alpha": 0}, {"alpha": 0, "d": "l"}, {"alpha": "pi/2", "d": "l"})
+    robot = Robot.create(
+        "fine_wrist",
+        [link | {"frame": frame} for frame in frames],
+        gravity=(0.0, -9.81, 0.0),
+        lengths={"l": 0.5},
+    )
+    p = np.array([*TRUTH, *(1e-6 * np.ones(regressor(robot, *np.zeros((3, 1, 3))).shape[-1] - 6))])
+    friction = 0.5 * np.array([4.0, 1.5, 2e-6])
+    t, rng = free_run.PERIOD * np.arange(5000), np.random.default_rng(6)
+    data = []
+    for number, (motion, _) in enumerate(recorded(arm(), TRUTH)):
+        moves = [
+            np.column_stack(each)
+            for each in zip(some_motion(t, number), some_motion(t, number + 9), strict=True)
+        ]
+        moves = [each[:, :3] for each in moves]
+        for x, value in zip(moves, (0.3, 0.0, 0.0), strict=True):
+            x[:, axis] = value
+        tau = inverse_dynamics(robot, p, *moves) + friction * np.sign(moves[1])
+        tau += 0.01 * np.sqrt(np.mean(tau**2, axis=0)) * rng.standard_normal(tau.shape)
+        still = np.full(len(t), -1, np.int16)
+        data.append((
+            motion.model_copy(update={"q": (0.0, 0.0, 0.0)}),
+            Recording(t, moves[0], tau, np.zeros(tau.shape, np.uint8), still, still, None, None),
+        ))
+    found = estimate(robot, data, "free motion")
+    assert found.details.still == (axis + 1,)
+    assert len(found.details.not_identified) < 6
+    assert max(found.details.relative_residual) < 0.05
 
 
 @pytest.mark.parametrize("level", [0.0, 4.0])
