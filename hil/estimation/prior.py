@@ -45,7 +45,7 @@ from hil.least_squares.solving import (
     undetermined,
 )
 from hil.model.base_parameters import base_parameters
-from hil.model.dynamics import regressor
+from hil.model.dynamics import mass_matrix, regressor
 from hil.model.frames import body_parameters, pseudo_inertia
 
 if TYPE_CHECKING:
@@ -190,6 +190,66 @@ class Prior:
         return Completed(mean + rows @ u, (rows * variance) @ rows.T, share)
 
 
+class Stated(NamedTuple):
+    """Standard parameters in a file, each known within its whole size.
+
+    Combined with an estimate by Bayes' rule: parameters determined better by the recordings stay
+    as estimated, all others as in the file.
+
+    Attributes
+    ----------
+    values : ndarray, shape (n_standard,)
+        Standard parameters phi_0: of the links, then the added ones of the robot.
+    root : ndarray, shape (n_standard, n_standard)
+        R, root of their covariance.
+    shown : ndarray, shape (n_base, n_standard)
+        K R, with the base parameters K phi.
+    matrix : ndarray, shape (n_base, n_standard)
+        K.
+    """
+
+    values: Array
+    root: Array
+    shown: Array
+    matrix: Array
+
+    @classmethod
+    def create(cls, robot: Robot, bodies: Array, added: Array) -> Stated:
+        """Create it from bodies, shape (n_joints, 10), and values of `robot.added_parameters`.
+
+        Few files state rotors: a rotor is known within the inertia of what its axis moves, too.
+        """
+        n, K = bodies.size, base_parameters(robot).matrix.copy()
+        K[
+            :, [k for k, name in enumerate(robot.standard_parameters) if name not in robot.present]
+        ] = 0
+        values = np.concatenate([bodies.ravel(), added])
+        inertia = np.diag(mass_matrix(robot, K @ values, np.zeros(robot.n_joints)))
+        size = np.abs(added)
+        for k, name in enumerate(robot.added_parameters):
+            if name.startswith("Ia"):
+                size[k] = max(size[k], inertia[int(name[2:]) - 1])
+        root = np.zeros((len(values),) * 2)
+        root[:n, :n], root[n:, n:] = Prior(bodies, 1.0).roots, np.diag(size)
+        return cls(values, root, K @ root, K)
+
+    def gain(self, covariance: Array) -> Array:
+        """Return R' K' (K R R' K' + V)^-1 for the covariance V of an estimate."""
+        V = covariance + self.shown @ self.shown.T
+        scale = 1.0 / np.sqrt(np.diag(V))
+        turned = np.linalg.solve(V * np.outer(scale, scale), scale[:, np.newaxis] * self.shown)
+        return np.asarray(turned.T * scale)
+
+    def completed(self, p: Array, covariance: Array) -> tuple[Array, Array]:
+        """Return an estimate of the base parameters completed by the file, with its covariance."""
+        # parameters of which the file says nothing, such as springs
+        silent = ~self.shown.any(axis=1)
+        G = self.shown @ self.gain(covariance) + np.diag(silent.astype(float))
+        stated = np.where(silent, p, self.matrix @ self.values)
+        V = G @ covariance
+        return stated + G @ (p - stated), (V + V.T) / 2
+
+
 def open_covariance(robot: Robot, N: Array, torque: Array | None = None) -> Array:
     """Compute the covariance of the unknowns in directions without data, shape of N.
 
@@ -231,7 +291,7 @@ def least_unknowns(robot: Robot, N: Array, torque: Array | None = None) -> Array
 
 
 def _squares(robot: Robot, N: Array, torque: Array | None) -> Array:
-    """Return squares of columns that decide which directions of N are determined.
+    """Return squares of columns, for the choice of the determined directions of N.
 
     A column of a base parameter is as long as in N, but at least as long as a torque of the
     parameter's size by the recorded torques, else by the torque limits: a column that is hardly

@@ -27,8 +27,10 @@ from checked_files.xml_file import XmlFile
 from checked_files.xml_patch import XmlPatch
 from hil.errors import Mismatch, NotRealisable
 from hil.estimation.consistent.nearest import nearest_robot
+from hil.estimation.prior import Stated
 from hil.export.exported import Exported
 from hil.export.mjcf_file import FULL, IMPEDANCE, STEP, quaternion
+from hil.export.patched_values import remarks_on, table_of, values_of
 from hil.export.simple_friction import damping_remarks, friction_remarks
 from hil.export.simulated_robot import moved_to_frames, number, numbers, simulated_robot
 from hil.export.urdf_file import (
@@ -85,6 +87,7 @@ class Patched(Protocol):
     """User's file with the chain of a robot."""
 
     path: Path
+    is_mjcf: bool
 
     @property
     def chain(self) -> UrdfChain:
@@ -124,13 +127,16 @@ def patched_file(path: Path, robot: Robot) -> Patched:
     return _Urdf(given_urdf(path, robot), robot)
 
 
+def stated_parameters(model: Model, given: Patched) -> Stated:
+    """Return the bodies and rotors in the user's file as knowledge beside a model."""
+    rotors = {f"Ia{k}": value for k, value in enumerate(given.rotors().tolist(), start=1)}
+    added = np.array([rotors.get(name, 0.0) for name in model.robot.added_parameters])
+    return Stated.create(model.robot, given.bodies(), added)
+
+
 def stated_model(model: Model, given: Patched) -> Model:
     """Return a model with the bodies, rotors and friction in the user's file."""
-    robot = model.robot
-    rotors = dict(zip((f"Ia{k + 1}" for k in range(robot.n_joints)), given.rotors(), strict=True))
-    added = [rotors.get(name, 0.0) for name in robot.added_parameters]
-    values = base_parameters(robot).matrix @ np.concatenate([given.bodies().ravel(), added])
-    laws = []
+    known, laws = stated_parameters(model, given), []
     for each in given.friction().tolist():
         terms = {
             name: TermValue(value=value, standard_error=0.0)
@@ -138,24 +144,30 @@ def stated_model(model: Model, given: Patched) -> Model:
         }
         laws.append(AxisLaw(law="classical", speed=1.0, terms=terms, plain=terms, held_out={}))
     return replace(
-        model, values=values, friction_law=FrictionLaw(axes=tuple(laws)), consistent=None
+        model,
+        values=known.matrix @ known.values,
+        friction_law=FrictionLaw(axes=tuple(laws)),
+        consistent=None,
     )
 
 
 def write_patched(model: Model, given: Patched) -> Exported:
     """Return the user's file with the values of a model with bodies (`find_near_bodies`)."""
-    robot = simulated_robot(model, given.chain)
-    remarks = []
+    robot, known = simulated_robot(model, given.chain), stated_parameters(model, given)
+    values, name = values_of(model, given, known, robot), f"{given.path.stem}.values.csv"
+    remarks = list(remarks_on(values, name, tuple(model.details.rest)))
     for k, joint in enumerate(robot.joints):
         if kept := list(given.patch(k, joint)):
             remarks.append(f"{joint.link}, {joint.name}: kept as they were: {', '.join(kept)}")
-    return Exported(given.files(), (*remarks, *given.remarks(model, robot)))
+    files = given.files() | {name: table_of(values)}
+    return Exported(files, (*remarks, *given.remarks(model, robot)))
 
 
 def find_near_bodies(model: Model, given: Patched, bounds: BodyBounds) -> Model:
     """Return the model with the possible bodies nearest to those of a file.
 
-    Parameters without influence on the torques keep the values of the file. A rotor with the same
+    Parameters without influence on the torques keep the values of the file, and what the recordings
+    leave open stays near them (`Stated`). A rotor with the same
     effect as its link takes the value of the file before bodies are fitted. Otherwise the link
     would be fitted with the rotor's inertia included. If this leaves the links less than half of
     their value in the file, the links keep the file's value and the rotor takes the rest. If the
@@ -164,6 +176,7 @@ def find_near_bodies(model: Model, given: Patched, bounds: BodyBounds) -> Model:
     """
     robot, stated = model.robot, given.bodies()
     base, n, rotors = base_parameters(robot), robot.n_joints, np.zeros(len(robot.added_parameters))
+    values, covariance = stated_parameters(model, given).completed(model.values, model.covariance)
     acts_as = [10 * axis + (_IZZ if robot.revolute[axis] else _MASS) for axis in range(n)]
     links, of_rotors = np.split(base.matrix, [10 * n], axis=1)
     axes = {}
@@ -171,17 +184,17 @@ def find_near_bodies(model: Model, given: Patched, bounds: BodyBounds) -> Model:
         axis = int(name[2:]) - 1 if re.fullmatch(r"Ia[0-9]+", name) else None
         if axis is not None and np.array_equal(of_rotors[:, k], links[:, acts_as[axis]]):
             row = int(np.argmax(np.abs(of_rotors[:, k])))
-            whole, own = float(model.values[row]), float(links[row] @ stated.ravel())
+            whole, own = float(values[row]), float(links[row] @ stated.ravel())
             kept = float(given.rotors()[axis])
             # too large a rotor inertia would leave less to the link than any possible body has
             axes[name] = axis
             rotors[k] = kept if whole - kept > own / 2 else max(whole - own, 0.0)
-    known = model.covariance, bounds, stated, f"the inertials of {given.path}"
+    known = covariance, bounds, stated, f"the inertials of {given.path}"
     shift, consistent = of_rotors @ rotors, None
     with suppress(NotRealisable):
-        consistent = nearest_robot(robot, model.values - shift, *known)
+        consistent = nearest_robot(robot, values - shift, *known)
     if consistent is None or consistent.distance > 1.0:
-        open_rotors = nearest_robot(robot, model.values, *known)
+        open_rotors = nearest_robot(robot, values, *known)
         if consistent is None or consistent.distance > open_rotors.distance + 1.0:
             consistent, shift, axes = open_rotors, 0.0 * shift, {}
     bodies, added = consistent.bodies.copy(), dict(consistent.added)
@@ -247,6 +260,8 @@ def _kept_or_new(new: Array, old: Array) -> bool:
 
 class _Urdf:
     """URDF, a format without rotor inertias."""
+
+    is_mjcf = False
 
     def __init__(self, given: Given, robot: Robot) -> None:
         self.path, self.chain, self._given = given.path, given.chain, given
@@ -343,6 +358,8 @@ class _Urdf:
 
 
 class _Mjcf:
+    is_mjcf = True
+
     def __init__(self, path: Path, robot: Robot) -> None:
         from hil.model.readers.mjcf import read_chains  # noqa: PLC0415 - MuJoCo is an extra
 

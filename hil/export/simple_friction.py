@@ -126,6 +126,8 @@ class SimpleFriction:
 def simple_friction(model: Model, warmth: float | None = None) -> tuple[SimpleFriction, ...]:
     """Return the friction of axes with a known law in the models of simulators.
 
+    The law of an axis at rest in all recordings is unknown, but for the torque at rest.
+
     Parameters
     ----------
     warmth : float, optional
@@ -138,7 +140,7 @@ def simple_friction(model: Model, warmth: float | None = None) -> tuple[SimpleFr
     """
     simple = []
     for axis, law in enumerate(known_friction(model).axes):
-        if law is None:
+        if law is None or axis + 1 in model.details.rest:
             continue
         # from 5 % of the axis's speed on, if the range of the law's data is unknown
         v = np.linspace(*(law.speeds or (0.05 * law.speed, law.speed)), 50)
@@ -271,6 +273,9 @@ def misfits(model: Model, simple: tuple[SimpleFriction, ...], state: str = "") -
     """
     lack = lacking(model)
     found = [f"FRICTION UNKNOWN: {lack}"] if lack and not state else []
+    if model.details.rest and not state:
+        axes = ", ".join(map(str, model.details.rest))
+        found.append(f"friction of axis {axes} is unknown: at rest in all recordings")
     for each in simple:
         unit = model.robot.torque_unit(each.axis)
         law = known_friction(model).axes[each.axis]

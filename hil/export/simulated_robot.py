@@ -77,9 +77,14 @@ class SimulatedJoint:
     @property
     def inertia(self) -> Array:
         """Inertia about the centre of mass along the link's axes, shape (3, 3) [kg m^2]."""
-        J = pseudo_inertia(self.body)
-        spread = J[:3, :3] - np.outer(J[:3, 3], J[:3, 3]) / J[3, 3]
-        return np.asarray(np.trace(spread) * np.eye(3) - spread)
+        return about_centre(self.body)
+
+
+def about_centre(body: Array) -> Array:
+    """Return the inertia of a body (10,) about its centre of mass, shape (3, 3) [kg m^2]."""
+    J = pseudo_inertia(body)
+    spread = J[:3, :3] - np.outer(J[:3, 3], J[:3, 3]) / J[3, 3]
+    return np.asarray(np.trace(spread) * np.eye(3) - spread)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -148,7 +153,7 @@ def simulated_robot(model: Model, chain: UrdfChain | None = None) -> SimulatedRo
                 stiffness=consistent.added.get(f"k{axis + 1}", 0.0),
                 body=parameter_map(each.mdh) @ consistent.bodies[axis],
             )
-            for axis, each in enumerate(_placed(robot, chain))
+            for axis, each in enumerate(placed(robot, chain))
         ),
         rotors=rotors,
     )
@@ -156,11 +161,11 @@ def simulated_robot(model: Model, chain: UrdfChain | None = None) -> SimulatedRo
 
 def moved_to_frames(chain: UrdfChain, robot: Robot, bodies: Sequence[Array]) -> Array:
     """Return bodies of links, transformed to the frames of the robot file: (n_joints, 10)."""
-    placed = zip(_placed(robot, chain), bodies, strict=True)
-    return np.array([parameter_map(inverse(each.mdh)) @ body for each, body in placed])
+    pairs = zip(placed(robot, chain), bodies, strict=True)
+    return np.array([parameter_map(inverse(each.mdh)) @ body for each, body in pairs])
 
 
-class _Placed(NamedTuple):
+class Placed(NamedTuple):
     """Names and place of a joint; `mdh`: the robot file's frame in the link's frame."""
 
     name: str
@@ -170,16 +175,16 @@ class _Placed(NamedTuple):
     mdh: Array
 
 
-def _placed(robot: Robot, chain: UrdfChain | None) -> list[_Placed]:
+def placed(robot: Robot, chain: UrdfChain | None) -> list[Placed]:
     """Return the joints as placed by the robot file or a URDF."""
     if chain is None:
         z, same = np.array([0.0, 0.0, 1.0]), np.eye(4)
         poses = (robot.zero_pose(j) for j in range(robot.n_joints))
-        return [_Placed(f"joint{j}", f"link{j}", T, z, same) for j, T in enumerate(poses, start=1)]
+        return [Placed(f"joint{j}", f"link{j}", T, z, same) for j, T in enumerate(poses, start=1)]
     still = np.zeros(robot.n_joints)
     frames = find_frames(chain).poses(still, robot.revolute)
     return [
-        _Placed(joint.name, joint.link, joint.before, joint.axis, inverse(own) @ mdh)
+        Placed(joint.name, joint.link, joint.before, joint.axis, inverse(own) @ mdh)
         for joint, own, mdh in zip(chain.joints, chain.frames(still), frames, strict=True)
     ]
 

@@ -11,6 +11,7 @@ from hil.errors import NotEnoughData
 from hil.estimation.consistent.nearest import SHAPES, nearest_robot
 from hil.estimation.consistent.result import TorqueCost
 from hil.estimation.free_motion.motion import filtered_motion
+from hil.estimation.prior import Stated
 from hil.estimation.signals import signals
 from hil.model.base_parameters import base_parameters
 from hil.model.dynamics import regressor
@@ -48,14 +49,19 @@ def find_consistent_robot(
         Motions over which torques are compared.
     bounds : BodyBounds, optional
     likely : ndarray, shape (n_joints, 10), optional
-        Likely bodies; `likely_from` is their source.
+        Likely bodies; `likely_from` is their source. What the recordings leave open stays near
+        them.
 
     Raises
     ------
     NotRealisable, InvalidValue
         No bodies meet the bounds.
     """
-    found = nearest_robot(model.robot, model.values, model.covariance, bounds, likely, likely_from)
+    p, covariance = model.values, model.covariance
+    if likely is not None:
+        none = np.zeros(len(model.robot.added_parameters))
+        p, covariance = Stated.create(model.robot, likely, none).completed(p, covariance)
+    found = nearest_robot(model.robot, p, covariance, bounds, likely, likely_from)
     # up to 100 recordings of about 200 samples, enough for an rms
     runs, most = 100, 200
     n, products = 0, 0.0

@@ -162,7 +162,7 @@ def settled(
     noise: Array | None = None,
 ) -> Solution:
     """Complete a fit by a prior, errors of unusual offsets, and a positive mass matrix."""
-    share, n, (N, torque) = None, len(base_parameters(robot)), _by_torque(pieces, still)
+    share, n, (N, torque) = None, len(base_parameters(robot)), _torque_shares(pieces, still)
     if noise is not None and noise.size:
         # without the information on these combinations, and the friction that goes with them
         side = N @ np.vstack([noise, -inverse(N[n:, n:]) @ N[n:, :n] @ noise])
@@ -199,7 +199,7 @@ def settled(
     return Solution(fit, moved, possible, tuple(unusual), share, tuple(lost.tolist()))
 
 
-def _by_torque(pieces: Regression, still: Sequence[int]) -> tuple[Array, Array]:
+def _torque_shares(pieces: Regression, still: Sequence[int]) -> tuple[Array, Array]:
     """Return normal equations in shares of each axis's squared torque, and these torques, rms.
 
     Noise and friction cause errors of the torque of at least the same share on every axis, so these

@@ -1,6 +1,9 @@
 """`hil export --patch`: a copy of the user's file with only the values changed."""
 
+import csv
+import io
 import re
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -10,6 +13,7 @@ from urdf_robots import ROBOTS, TREES, urdf
 
 import hil
 from hil.errors import InvalidValue, Mismatch
+from hil.estimation.free_motion.result import FreeMotionFit
 from hil.export.exported import write_exported
 from hil.export.patch import patched_file
 from hil.model.base_parameters import base_parameters
@@ -54,7 +58,7 @@ def test_mujoco_has_the_model_s_torques_after_the_patch_and_nothing_else_of_the_
     _, exported = exported_model(model, "mjcf", path, patch=path)
     written = write_exported(exported, tmp_path / "new")
     assert [str(each.relative_to(tmp_path / "new")) for each in written] == [
-        "arm.xml", "parts/wrist.xml",
+        "arm.xml", "parts/wrist.xml", "arm.values.csv",
     ]  # fmt: skip
     rng = np.random.default_rng(4)
     motion = [rng.uniform(-1.0, 1.0, (6, 3)) for _ in range(3)]
@@ -92,7 +96,7 @@ def test_a_urdf_keeps_everything_but_numbers_of_inertials_and_dynamics(tmp_path)
     path.write_text(text)
     model = identified(path, m4=1.25)
     _, exported = exported_model(model, "urdf", path, patch=path)
-    (new,) = exported.files.values()
+    new = exported.files["arm.urdf"]
     added = re.compile(r"\n\s*<dynamics damping=\"[^\"]*\" friction=\"[^\"]*\"/>")
     assert len(added.findall(new)) == 4
     assert VALUE.sub("", added.sub("", new)) == VALUE.sub("", text)
@@ -106,7 +110,7 @@ def test_a_tree_keeps_everything_but_numbers(tmp_path):
     joints, parents = TREES["two arms"]
     (path := tmp_path / "arms.urdf").write_text(urdf("arms", joints, parents))
     model = identified(path, m4=1.25, Izz6=1.2)
-    (new,) = exported_model(model, "urdf", path, patch=path)[1].files.values()
+    new = exported_model(model, "urdf", path, patch=path)[1].files["arms.urdf"]
     (tmp_path / "new.urdf").write_text(new)
     again = identified(tmp_path / "new.urdf")
     assert not again.robot.is_chain
@@ -122,6 +126,53 @@ def test_a_tree_keeps_everything_but_numbers(tmp_path):
     before, after = torques(path, *motion), torques(written[0], *motion)
     assert np.abs(before - expected).max() > 0.01
     np.testing.assert_allclose(after, expected, atol=2e-4 * np.abs(expected).max())
+
+
+def lacking_data(model, *columns, rests=()):
+    """Return a model whose recordings say nothing of some base parameters: 0, and any error."""
+    values, covariance = model.values.copy(), model.scatter_covariance.copy()
+    values[list(columns)] = 0.0
+    covariance[columns, columns] = 100.0
+    details = FreeMotionFit.model_construct(rest=dict.fromkeys(rests, 0.0), not_identified=())
+    return replace(model, values=values, scatter_covariance=covariance, details=details)
+
+
+@pytest.mark.parametrize("to", ["urdf", "mjcf"])
+def test_what_the_recordings_leave_open_stays_near_the_file(tmp_path, to):
+    """A missing inertia of the first axis counted as zero, and took the links' inertia with it."""
+    if to == "mjcf":
+        path = write_arm(tmp_path / "arm", wrist=ONE_JOINT)
+    else:
+        (path := tmp_path / "arm.urdf").write_text(urdf("askew arm", ROBOTS["askew"]))
+    whole = identified(path)
+    model = lacking_data(whole, 0, 1, rests=(1,))
+    patched, exported = exported_model(model, to, path, patch=path)
+    np.testing.assert_allclose(patched.consistent.values, whole.values, rtol=0.3, atol=1e-3)
+    assert any("friction of axis 1 is unknown" in each for each in exported.remarks)
+    rows = list(csv.DictReader(io.StringIO(exported.files["arm.values.csv"])))
+    lacking = [row for row in rows if int(row["shown by recordings, %"]) < 50]
+    assert {row["by any motion, %"] for row in lacking} >= {"0"}
+    assert any("not shown by these recordings" in each for each in exported.remarks)
+
+
+def test_each_value_stands_beside_that_of_the_file_with_its_interval(tmp_path):
+    path = write_arm(tmp_path / "arm", wrist=ONE_JOINT)
+    truth = {"Izz3": 1.2, "sx2": 1.3, "Izz2": 1.15, "Ia2": 1.5}
+    model = identified(path, **truth)
+    exported = exported_model(model, "mjcf", path, patch=path)[1]
+    rows = list(csv.DictReader(io.StringIO(exported.files["arm.values.csv"])))
+    assert {row["unit"] for row in rows} == {"kg", "m", "kg m^2", "N m", "N m s/rad"}
+    found = {(row["of"], row["quantity"]): row for row in rows}
+    first = found["upper", "mass"]  # on a vertical axis but for 3 degrees
+    assert float(first["model"]) == pytest.approx(4.0, rel=0.1)
+    assert int(first["shown by recordings, %"]) < 50
+    assert float(first["high 95 %"]) > 8.0
+    assert any("no motion on this base shows them alone" in each for each in exported.remarks)
+    rotor = found["lift", "armature"]
+    assert rotor["shown by recordings, %"] == rotor["by any motion, %"]
+    for row in rows:
+        low, value, high = (float(row[key]) for key in ("low 95 %", "model", "high 95 %"))
+        assert low <= value <= high
 
 
 FINGER = """<body name="finger" pos="0 0.1 0.1"><joint name="grip" class="main" axis="0 1 0"/>
@@ -160,7 +211,7 @@ def test_links_beyond_the_chain_of_a_urdf_are_not_counted_twice(tmp_path):
     model = model_of(robot, np.linalg.lstsq(A, measured.ravel())[0], 1e-6 * np.ones(A.shape[1]))
     _, exported = exported_model(model, "urdf", path, patch=path)
     assert any(f"joints joint{joints}: not of the model" in each for each in exported.remarks)
-    (tmp_path / "new.urdf").write_text(*exported.files.values())
+    (tmp_path / "new.urdf").write_text(exported.files["arm.urdf"])
     again = identified(tmp_path / "new.urdf")
     found = inverse_dynamics(again.robot, again.values, *at_zero)[:, :-1]
     np.testing.assert_allclose(found, measured, atol=1e-3 * np.abs(measured).max())

@@ -156,10 +156,14 @@ def test_a_wrist_with_a_millionth_of_the_torque_costs_no_parameter_of_the_base(a
         tau = inverse_dynamics(robot, p, *moves) + friction * np.sign(moves[1])
         tau += 0.01 * np.sqrt(np.mean(tau**2, axis=0)) * rng.standard_normal(tau.shape)
         still = np.full(len(t), -1, np.int16)
-        data.append((
-            motion.model_copy(update={"q": (0.0, 0.0, 0.0)}),
-            Recording(t, moves[0], tau, np.zeros(tau.shape, np.uint8), still, still, None, None),
-        ))
+        data.append(
+            (
+                motion.model_copy(update={"q": (0.0, 0.0, 0.0)}),
+                Recording(
+                    t, moves[0], tau, np.zeros(tau.shape, np.uint8), still, still, None, None
+                ),
+            )
+        )
     found = estimate(robot, data, "free motion")
     assert found.details.still == (axis + 1,)
     assert len(found.details.not_identified) < 6

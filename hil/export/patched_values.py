@@ -1,0 +1,192 @@
+"""Values of a user's file before and after an update, with intervals and their evidence.
+
+The file is knowledge beside the recordings, each value within its whole size, and both are combined
+by Bayes' rule (`hil.estimation.prior.Stated`). With standard parameters phi = phi_0 + R u, u has
+the covariance 1 before, and
+
+    C = 1 - R' K' (K R R' K' + V)^-1 K R
+
+after the recordings, for base parameters K phi with the covariance V. A value of the file with the
+gradient g by u has the variance g' C g, and 1 - g' C g / g' g is the share of its uncertainty
+removed by the recordings. With V = 0 it is the share that any motion could remove: torques at a
+fixed base never show the mass of most links alone.
+"""
+
+from __future__ import annotations
+
+import csv
+import io
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+from scipy import special
+
+from hil.export.mjcf_file import FULL
+from hil.export.simulated_robot import about_centre, placed
+from hil.model.frames import parameter_map
+from hil.show.rounding import count
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator, Sequence
+
+    from hil.arrays import Array
+    from hil.estimation.prior import Stated
+    from hil.export.patch import Patched
+    from hil.export.simulated_robot import SimulatedRobot
+    from hil.results.model import Model
+
+SHOWN = 0.5
+"""Least removed share of the variance of a value that counts as shown by the recordings."""
+SMALL = 1e-6
+"""Step of difference quotients, relative to the size of the parameter."""
+OF_LINK = (
+    ("mass", "kg"),
+    *((f"centre {axis}", "m") for axis in "xyz"),
+    *((f"inertia {'xyz'[i]}{'xyz'[j]}", "kg m^2") for i, j in FULL),
+)
+
+SIGNED = {"centre x", "centre y", "centre z", "inertia xy", "inertia xz", "inertia yz"}
+"""Quantities of either sign."""
+
+
+class Value(NamedTuple):
+    """Value of a link or joint, with its 95 % interval after the update, if known.
+
+    Attributes
+    ----------
+    shown, possible : float
+        Share of the uncertainty removed by the recordings, and by the best motion.
+    """
+
+    of: str
+    quantity: str
+    unit: str
+    file: float
+    model: float
+    low: float
+    high: float
+    shown: float
+    possible: float
+
+
+def values_of(model: Model, given: Patched, known: Stated, robot: SimulatedRobot) -> list[Value]:
+    """Return the values of all links and joints; `robot` has those after the update.
+
+    A link includes what is welded to it. What is unknown of friction is left out.
+    """
+    names, bodies, rotors = model.robot.added_parameters, given.bodies(), given.rotors()
+    after = np.eye(known.root.shape[1]) - known.gain(model.covariance) @ known.shown
+    never = np.eye(len(after)) - np.linalg.pinv(known.shown, 1e-9) @ known.shown
+    half = float(special.ndtri(0.975))
+    found = []
+
+    def add(of: str, quantity: tuple[str, str], file: float, value: float, g: Array) -> None:
+        size = max(float(g @ g), 1e-300)
+        left, least = (max(float(g @ C @ g), 0.0) for C in (after, never))
+        width = half * float(np.sqrt(left))
+        shares = 1.0 - left / size, 1.0 - least / size
+        found.append(
+            Value(of, *quantity, file, value, *_interval(quantity[0], value, width), *shares)
+        )
+
+    for k, (joint, place) in enumerate(
+        zip(robot.joints, placed(model.robot, given.chain), strict=True)
+    ):
+        to_link, own = parameter_map(place.mdh), known.root[10 * k : 10 * k + 10]
+        inertia = float(joint.body[[0, 3, 5]].max())
+        kinds = inertia, np.sqrt(inertia * joint.mass), joint.mass
+        quotients = []
+        for step in np.diag(SMALL * np.repeat(kinds, (6, 3, 1))):
+            forth, back = (body_values(joint.body + side * step) for side in (1.0, -1.0))
+            quotients.append((forth - back) / (2.0 * step.max()))
+        gradients = np.transpose(quotients) @ to_link @ own
+        stated, now = body_values(to_link @ bodies[k]), body_values(joint.body)
+        for quantity, *each in zip(OF_LINK, stated.tolist(), now.tolist(), gradients, strict=True):
+            add(joint.link, quantity, *each)
+        unit, rotor = ("kg m^2" if joint.revolute else "kg"), f"Ia{k + 1}"
+        if given.is_mjcf and rotor in names:
+            g = known.root[bodies.size + names.index(rotor)]
+            add(joint.name, ("armature", unit), float(rotors[k]), joint.armature, g)
+        law = model.friction_law.axes[k]
+        if joint.friction is None or law is None:
+            continue
+        coulomb, viscous = joint.friction.coulomb, joint.friction.viscous
+        if given.is_mjcf:
+            coulomb, viscous = joint.friction.coasting[:2]
+        torque, speed = model.robot.torque_unit(k), f"s/{model.robot.position_unit(k)}"
+        # two terms in place of the law: its misfit counts as a standard deviation
+        misfit, fastest = joint.friction.misfit, joint.friction.speeds[-1]
+        for term, quantity, before, value, beside in (
+            ("Coulomb", ("frictionloss", torque), given.friction()[k, 0], coulomb, misfit),
+            (
+                "viscous",
+                ("damping", f"{torque} {speed}"),
+                given.friction()[k, 1],
+                viscous,
+                misfit / fastest,
+            ),
+        ):
+            error = law.plain[term].standard_error if term in law.plain else np.nan
+            ends = _interval(quantity[0], value, half * float(np.hypot(error, beside)))
+            found.append(Value(joint.name, *quantity, float(before), value, *ends, 1.0, 1.0))
+    return found
+
+
+def _interval(quantity: str, value: float, width: float) -> tuple[float, float]:
+    """Return the ends of an interval, none negative where no value is."""
+    least = -np.inf if quantity in SIGNED else 0.0
+    return max(value - width, least), value + width
+
+
+def body_values(body: Array) -> Array:
+    """Return mass, centre and inertia about it of a body (10,), in the order of `OF_LINK`."""
+    inertia = about_centre(body)
+    return np.array([body[9], *(body[6:9] / body[9]), *(inertia[at] for at in FULL)])
+
+
+def table_of(values: Sequence[Value]) -> str:
+    """Return values as CSV."""
+    text = io.StringIO()
+    rows = csv.writer(text, lineterminator="\n")
+    shares = "shown by recordings, %", "by any motion, %"
+    rows.writerow(["of", "quantity", "unit", "file", "model", "low 95 %", "high 95 %", *shares])
+    for each in values:
+        numbers = (f"{x:.6g}" if np.isfinite(x) else "" for x in each[3:7])
+        rows.writerow([*each[:3], *numbers, *(round(100.0 * x) for x in each[7:])])
+    return text.getvalue()
+
+
+def remarks_on(values: Sequence[Value], name: str, at_rest: Sequence[int]) -> Iterator[str]:
+    """Yield remarks on values shown by the recordings, by another motion only, and by none.
+
+    Parameters
+    ----------
+    name : str
+        File of the values.
+    at_rest : sequence of int
+        Axes at rest in all recordings, from 1.
+    """
+    shown = [each for each in values if each.shown >= SHOWN]
+    yield (
+        f"{name}: values before and after, with 95 % intervals; the recordings show "
+        f"{len(shown)} of {count(len(values), 'value')}"
+    )
+    if lacking := [each for each in values if each.shown < SHOWN <= each.possible]:
+        moved = "that is faster or reaches further"
+        if at_rest:
+            moved = f"of axis {', '.join(map(str, at_rest))} too"
+        yield (
+            f"{_listed(lacking)}: not shown by these recordings, and near the file's; a motion "
+            f"{moved} shows them: plan 20 s with hil plan --kind trajectory"
+        )
+    if never := [each for each in values if each.possible < SHOWN]:
+        yield (
+            f"{_listed(never)}: no motion on this base shows them alone; near the file's where the "
+            "torques allow"
+        )
+
+
+def _listed(values: Sequence[Value]) -> str:
+    """Name three values, and the number of the others."""
+    first = ", ".join(f"{each.quantity} of {each.of}" for each in values[:3])
+    return first if len(values) <= 3 else f"{first} and {len(values) - 3} more"
