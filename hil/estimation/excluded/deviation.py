@@ -5,12 +5,14 @@ model error as well as by noise, though nothing changed. So the earlier recordin
 `PARTS` of equal duration, and base parameters of all parts leave the mean squares s_ak^2 of axis a
 in part k. With n_a axes and the pooled standard deviation sigma of log s_ak^2,
 
-    t_a = (log s_a^2 - mean_k log s_ak^2) / (sigma sqrt(1 + 1 / PARTS))
+    t_a = (log s_a^2 - mean_k log s_ak^2 - max(0, log c_a)) / (sigma sqrt(1 + 1 / PARTS))
 
 of the mean square s_a^2 of later recordings has Student's distribution of n_a (PARTS - 1) degrees
-of freedom if nothing changed. Later recordings *deviate* if one t_a is significant (Bonferroni over
-axes). Finite changes, such as an exchanged axis, are tested only if later recordings deviate. A
-finite change is the reason only if the recordings, read with this change, do not deviate any more.
+of freedom if nothing changed. Here c_a is the ratio of the mean squares of the torque, later to
+earlier: model error is at most proportional to the torque, such as that of a wrist with a new load.
+Later recordings *deviate* if one t_a is significant (Bonferroni over axes). Finite changes, such as
+an exchanged axis, are tested only if later recordings deviate. A finite change is the reason only
+if the recordings, read with this change, do not deviate any more.
 """
 
 from __future__ import annotations
@@ -46,12 +48,15 @@ class Deviation(NamedTuple):
     ----------
     level : ndarray, shape (n_joints,)
         Mean logarithm over the parts; NaN for axes without enough rows.
+    torque : ndarray, shape (n_joints,)
+        Logarithm of the mean square of the torque of all parts.
     scatter : float
         Standard deviation of the logarithm of another part's mean square from `level`.
     degrees : int
     """
 
     level: Array
+    torque: Array
     scatter: float
     degrees: int
 
@@ -67,19 +72,22 @@ class Deviation(NamedTuple):
             _log_mean_squares(residual, np.where(part == k, early.axis, -1), robot.n_joints)
             for k in range(PARTS)
         ]
+        torque = _log_mean_squares(early.torque, early.axis, robot.n_joints)
         variances = np.var(logs, axis=0, ddof=1)
         known = np.isfinite(variances)
         if not known.any():
-            return cls(np.full(robot.n_joints, np.nan), np.inf, 0)
+            return cls(np.full(robot.n_joints, np.nan), torque, np.inf, 0)
         scatter = float(np.sqrt(variances[known].mean() * (1.0 + 1.0 / PARTS)))
         level = np.where(known, np.mean(logs, axis=0), np.nan)
-        return cls(level, scatter, int(known.sum()) * (PARTS - 1))
+        return cls(level, torque, scatter, int(known.sum()) * (PARTS - 1))
 
     def significant(self, evidence: Evidence, residual: Array) -> bool:
         """Return True if the later rows deviate on any axis; `residual` is of all rows."""
         axis = np.where(evidence.is_later, evidence.axis, -1)
         logs = _log_mean_squares(evidence.project_out_friction(residual), axis, len(self.level))
-        t = (logs - self.level) / self.scatter if self.degrees else np.zeros_like(logs)
+        torque = _log_mean_squares(evidence.torque, axis, len(self.level))
+        beyond = logs - self.level - np.maximum(torque - self.torque, 0.0)
+        t = beyond / self.scatter if self.degrees else np.zeros_like(beyond)
         t = t[np.isfinite(t)]
         level = LEVEL / FAMILIES / max(t.size, 1)
         return bool(t.size and special.stdtr(self.degrees, -t.max()) < level)
@@ -91,7 +99,7 @@ def parts_of(time: Array, n_parts: int = PARTS) -> Indices:
     return np.searchsorted(edges, time, side="right")
 
 
-def _log_mean_squares(residual: Array, axis: Array, n_joints: int) -> Array:
+def _log_mean_squares(residual: Array, axis: Indices, n_joints: int) -> Array:
     """Return logarithms of mean squares by axis, shape (n_joints,); NaN with too few rows."""
     square = np.bincount(axis + 1, residual**2, n_joints + 1)[1:]
     count = np.bincount(axis + 1, minlength=n_joints + 1)[1:]

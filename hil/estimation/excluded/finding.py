@@ -159,7 +159,8 @@ def excluded(
         explained = {axis for each in causes for axis in each.axes}
         causes = (*causes, *(each for each in friction if not explained & {*each.axes}))
         stated = (*stated, *more)
-    return Excluded(found=causes, limits=stated, tests=len(tests))
+    unexplained = not causes and instead.deviates
+    return Excluded(found=causes, limits=stated, tests=len(tests), unexplained=unexplained)
 
 
 def _testable(robot: Robot, p: Array, battery: Battery, limit: Limit) -> Limit:

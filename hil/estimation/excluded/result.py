@@ -167,6 +167,8 @@ class Excluded(FileModel):
         Limits of all causes, in the order of the table.
     tests : int
         Number of tested causes.
+    unexplained : bool
+        True if later recordings differ from the earlier ones beyond any found cause.
 
     Examples
     --------
@@ -178,6 +180,7 @@ class Excluded(FileModel):
     found: tuple[Found, ...]
     limits: tuple[Limit, ...]
     tests: int
+    unexplained: bool = False
 
     @property
     def shifts(self) -> tuple[Array, ...]:

@@ -73,6 +73,11 @@ def change_by_cause(
         return (f"too few recordings to find causes of a change since {before}",)
     besides = "".join(f", besides the {each}" for each in known)
     said = [f"cause of the difference from {before}{besides}: {each}" for each in proof.found]
+    if proof.unexplained:
+        return (
+            f"these recordings differ from {before}{besides} by more than its own parts differ, "
+            "and no single cause explains it: look for two changes, or record after each of them",
+        )
     if not said and not any(each.size is not None or not each.testable for each in proof.limits):
         return (f"no change since {before} would show in these recordings: measure longer",)
     nothing = f"no lasting cause of a difference from {before} found{besides}"

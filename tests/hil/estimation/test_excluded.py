@@ -27,6 +27,7 @@ from hil.estimation.simultaneous import SimultaneousFit
 from hil.friction.equation import LOAD
 from hil.model.base_parameters import base_parameters
 from hil.model.robot import Robot, parse_robot
+from hil.results.tables.excluded import change_by_cause
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -361,6 +362,34 @@ def test_model_error_that_two_runs_share_is_no_change(robot: Robot, seed: int) -
         for n, at in ((4, seed), (2, seed + 100))
     )
     assert changed_between(robot, before, after).found == ()
+
+
+def rippled(q: Array, tau: Array, _time: Array) -> None:
+    """Add an error proportional to the torque, of gears."""
+    tau *= 1.0 + 0.04 * np.sin(7.3 * q + 1.9 * q[:, ::-1])
+
+
+def test_model_error_that_grows_with_the_load_is_part_of_its_change(
+    robot: Robot, good: FreeRecorded
+) -> None:
+    before, later = (changed(each, rippled) for each in (good, heavier(robot, 3.0)))
+    first, *_ = changed_between(robot, before, later).found
+    assert first.cause == "load"
+
+
+def test_changes_that_no_cause_explains_are_said_to_be_unexplained(
+    robot: Robot, good: FreeRecorded
+) -> None:
+    noise = np.random.default_rng(3)
+
+    def shaken(_q: Array, tau: Array, _time: Array) -> None:
+        tau += 20.0 * noise.standard_normal(tau.shape)
+
+    found = changed_between(robot, good, changed(heavier(robot, 0.0), shaken))
+    assert found.found == ()
+    assert found.unexplained
+    (said,) = change_by_cause(found, robot.n_joints, "runs/first")
+    assert "no single cause explains it" in str(said)
 
 
 def test_a_change_beyond_model_error_is_named(robot: Robot, good: FreeRecorded) -> None:
