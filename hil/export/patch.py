@@ -16,7 +16,7 @@ from __future__ import annotations
 
 import os
 import re
-from contextlib import suppress
+from contextlib import nullcontext, suppress
 from dataclasses import replace
 from itertools import pairwise
 from typing import TYPE_CHECKING, NamedTuple, Protocol
@@ -194,9 +194,10 @@ def find_near_bodies(model: Model, given: Patched, bounds: BodyBounds) -> Model:
     with suppress(NotRealisable):
         consistent = nearest_robot(robot, values - shift, *known)
     if consistent is None or consistent.distance > 1.0:
-        open_rotors = nearest_robot(robot, values, *known)
-        if consistent is None or consistent.distance > open_rotors.distance + 1.0:
-            consistent, shift, axes = open_rotors, 0.0 * shift, {}
+        with suppress(NotRealisable) if consistent is not None else nullcontext():
+            open_rotors = nearest_robot(robot, values, *known)
+            if consistent is None or consistent.distance > open_rotors.distance + 1.0:
+                consistent, shift, axes = open_rotors, 0.0 * shift, {}
     bodies, added = consistent.bodies.copy(), dict(consistent.added)
     for name, axis in axes.items():
         whole = bodies[axis].copy()

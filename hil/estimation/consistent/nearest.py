@@ -157,8 +157,15 @@ def _entered(block: Inequality, z: Array) -> Inequality:
 
 
 def _value(blocks: _Blocks, slope: Array, pull: Array, z: Array) -> float:
-    dets = [w * np.linalg.slogdet(block.constant + block.weights @ z)[1] for block, w in blocks]
-    return float(slope @ z + pull @ z**2 / 2 - sum(dets))
+    """Return the function to be minimised; infinite where rounding crosses a boundary."""
+    dets = 0.0
+    for block, weight in blocks:
+        try:
+            root = np.linalg.cholesky(block.constant + block.weights @ z)
+        except np.linalg.LinAlgError:
+            return np.inf
+        dets += 2.0 * weight * float(np.log(np.diag(root)).sum())
+    return float(slope @ z + pull @ z**2 / 2) - dets
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -326,7 +333,13 @@ def nearest_robot(
     space = Space.create(robot, whole, p, covariance, expected)
     first = space.nearest(asked)
     distance, nearest = space.distance(first), space.moved(first)
-    phi = space.likeliest(conditions(whole, bounds), first, scaled=likely is None)
+    try:
+        phi = space.likeliest(conditions(whole, bounds), first, scaled=likely is None)
+    except np.linalg.LinAlgError as error:
+        raise NotRealisable(
+            f"links near {likely_from} are beyond double precision: the estimate is far from them; "
+            "look for effects missing in the robot file (hil diagnose), or record more motion"
+        ) from error
     bodies = phi[: 10 * robot.n_joints].reshape(-1, 10)
     thickness = np.array([thickness_of(body) for body in bodies])
     # minimum share of the thickness after rounding, which matters for links of a few grams

@@ -9,7 +9,8 @@ from nearest_bodies import independent_distance
 from possible_models import bodies
 from synthetic import TABLE_3_A
 
-from hil.errors import InvalidValue
+from hil.errors import InvalidValue, NotRealisable
+from hil.estimation.consistent import nearest
 from hil.estimation.consistent.conditions import (
     BodyBounds,
     likely_bodies,
@@ -212,6 +213,17 @@ def test_bounds_that_no_body_meets_are_refused(bounds, message):
     robot, p, error = possible("pan-tilt")
     with pytest.raises(InvalidValue, match=message):
         nearest_robot(robot, p, np.diag(error**2), BodyBounds(**bounds))
+
+
+def test_bodies_beyond_double_precision_are_refused_with_what_to_do(monkeypatch):
+    def lost(*_args):
+        raise np.linalg.LinAlgError
+
+    monkeypatch.setattr(nearest, "likeliest", lost)
+    robot = Robot.load("manutec-r15")
+    p, error = possible_models.possible(robot)
+    with pytest.raises(NotRealisable, match=r"beyond double precision: .* record more motion"):
+        nearest_robot(robot, p, np.diag(error**2))
 
 
 def test_the_thickness_of_a_body_is_its_least_spread_about_its_centre():

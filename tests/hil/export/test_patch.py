@@ -12,8 +12,9 @@ from possible_models import model_of
 from urdf_robots import ROBOTS, TREES, urdf
 
 import hil
-from hil.errors import InvalidValue, Mismatch
+from hil.errors import InvalidValue, Mismatch, NotRealisable
 from hil.estimation.free_motion.result import FreeMotionFit
+from hil.export import patch
 from hil.export.exported import write_exported
 from hil.export.patch import patched_file
 from hil.model.base_parameters import base_parameters
@@ -215,6 +216,22 @@ def test_links_beyond_the_chain_of_a_urdf_are_not_counted_twice(tmp_path):
     again = identified(tmp_path / "new.urdf")
     found = inverse_dynamics(again.robot, again.values, *at_zero)[:, :-1]
     np.testing.assert_allclose(found, measured, atol=1e-3 * np.abs(measured).max())
+
+
+def test_rotors_of_the_file_stay_where_open_ones_have_no_solution(tmp_path, monkeypatch):
+    path = write_arm(tmp_path / "arm", wrist=ONE_JOINT)
+    model = identified(path, Izz3=0.01)  # no body beside the rotors of the file
+    solved, calls = patch.nearest_robot, []
+
+    def lost(*args):
+        calls.append(args)
+        if len(calls) > 1:
+            raise NotRealisable("none")
+        return solved(*args)
+
+    monkeypatch.setattr(patch, "nearest_robot", lost)
+    assert exported_model(model, "mjcf", path, patch=path)[1].files
+    assert len(calls) == 2
 
 
 def test_files_that_cannot_be_patched_are_refused_with_what_to_do(tmp_path):
