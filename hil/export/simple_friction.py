@@ -47,6 +47,8 @@ SLOW, STARTS = 0.25, 5
 ratio. Quadratic damping misses laws of Stribeck friction by 2 % from slower starts."""
 POWERS = (1, 4, 16)
 """Powers of the errors whose sums of squares are least in turn; the last sum is of large errors."""
+TO_REST = np.array([1e-3, 0.1, 0.2, 0.4, 0.6, 0.8])
+"""Speeds below the slowest one, as shares of it."""
 GRID = 100
 """Number of intervals of speed for integrals over it."""
 
@@ -146,6 +148,10 @@ def simple_friction(model: Model, warmth: float | None = None) -> tuple[SimpleFr
         v = np.linspace(*(law.speeds or (0.05 * law.speed, law.speed)), 50)
         forward, backward = (friction_alone(model, axis, s * v, warmth)[0] for s in (1.0, -1.0))
         odd, even = (forward - backward) / 2, (forward + backward) / 2
+        # below its slowest data a law is that of this speed; a law of unknown range holds to rest
+        u = v if law.speeds else np.concatenate([v[0] * TO_REST, v])
+        sides = [friction_alone(model, axis, s * u, warmth)[0] for s in (1.0, -1.0)]
+        errors = _position_errors(u, (sides[0] - sides[1]) / 2, (sides[0] + sides[1]) / 2)
         (coulomb, viscous), left = optimize.nnls(np.column_stack([np.ones_like(v), v]), odd)
         constant = float(np.mean(even))
         plain = Quadratic(float(coulomb), float(viscous), 0.0, constant, _misfit(left, even))
@@ -165,17 +171,19 @@ def simple_friction(model: Model, warmth: float | None = None) -> tuple[SimpleFr
                 viscous=plain.viscous,
                 misfit=plain.misfit,
                 stribeck=min(fits, key=lambda each: each.misfit),
-                coasting=_coasting(v, odd, even, plain),
+                coasting=_coasting(v, odd, even, plain, errors),
             )
         )
     return tuple(simple)
 
 
-def _coasting(v: Array, odd: Array, even: Array, plain: Quadratic) -> Quadratic:
+def _coasting(
+    v: Array, odd: Array, even: Array, plain: Quadratic, errors: Callable[[Array], Array]
+) -> Quadratic:
     """Return `plain`, or quadratic damping that never drives and coasts nearer to the law."""
     if (np.abs(even) >= odd).any():  # one direction drives
         return plain
-    errors, start = _position_errors(v, odd, even), np.array(plain[:4])
+    start = np.array(plain[:4])
     if np.abs(errors(start)).max() <= COASTS:
         return plain
     scale = odd.max() / v[-1] ** np.array([0, 1, 2, 0])

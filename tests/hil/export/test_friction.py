@@ -95,6 +95,15 @@ def test_damping_is_a_number_where_that_coasts_like_the_law() -> None:
     assert first.coasting == (first.coulomb, first.viscous, 0.0, first.offset, first.misfit)
 
 
+def test_viscous_friction_of_unknown_range_holds_to_rest() -> None:
+    """Held constant below 5 % of the speed, mostly viscous friction got another damping."""
+    model = set_terms(Coulomb=0.2, viscous=6.0)
+    unknown = tuple(law.model_copy(update={"speeds": None}) for law in model.friction_law.axes)
+    first = simple_friction(replace(model, friction_law=FrictionLaw(axes=unknown)))[0]
+    assert first.damping == (first.viscous,) == pytest.approx((3.0,))
+    assert first.coasting == (first.coulomb, first.viscous, 0.0, first.offset, first.misfit)
+
+
 def test_quadratic_damping_comes_to_rest_where_the_law_does() -> None:
     for each in simple_friction(set_terms(Coulomb=5.0, viscous=3.0, arc_tangent=-2.0)):
         c, b, d, _, misfit = each.coasting
