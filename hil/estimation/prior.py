@@ -51,7 +51,7 @@ from hil.model.frames import body_parameters, pseudo_inertia
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from hil.arrays import Array
+    from hil.arrays import Array, Mask
     from hil.model.robot import Robot
 
 
@@ -190,6 +190,10 @@ class Prior:
         return Completed(mean + rows @ u, (rows * variance) @ rows.T, share)
 
 
+OPEN = 1e3
+"""Standard deviation of a parameter without an estimate, in those of the file."""
+
+
 class Stated(NamedTuple):
     """Standard parameters in a file, each known within its whole size.
 
@@ -233,9 +237,21 @@ class Stated(NamedTuple):
         root[:n, :n], root[n:, n:] = Prior(bodies, 1.0).roots, np.diag(size)
         return cls(values, root, K @ root, K)
 
+    def widened(self, covariance: Array, identified: Mask) -> Array:
+        """Return the covariance of an estimate with parameters of unknown error left open.
+
+        Strokes of single axes leave parameters without a value, and without a variance.
+        """
+        V, size = covariance.copy(), np.sum(self.shown**2, axis=1)
+        lost = np.flatnonzero(~identified & (np.diag(V) == 0))
+        V[lost, lost] = OPEN**2 * np.where(size[lost] > 0, size[lost], 1.0)
+        return V
+
     def gain(self, covariance: Array) -> Array:
         """Return R' K' (K R R' K' + V)^-1 for the covariance V of an estimate."""
         V = covariance + self.shown @ self.shown.T
+        exact = np.flatnonzero(np.diag(V) == 0)  # springs of no file, known without error
+        V[exact, exact] = 1.0
         scale = 1.0 / np.sqrt(np.diag(V))
         turned = np.linalg.solve(V * np.outer(scale, scale), scale[:, np.newaxis] * self.shown)
         return np.asarray(turned.T * scale)

@@ -176,7 +176,9 @@ def find_near_bodies(model: Model, given: Patched, bounds: BodyBounds) -> Model:
     """
     robot, stated = model.robot, given.bodies()
     base, n, rotors = base_parameters(robot), robot.n_joints, np.zeros(len(robot.added_parameters))
-    values, covariance = stated_parameters(model, given).completed(model.values, model.covariance)
+    file = stated_parameters(model, given)
+    open_ = file.widened(model.covariance, model.identified)
+    values, covariance = file.completed(model.values, open_)
     acts_as = [10 * axis + (_IZZ if robot.revolute[axis] else _MASS) for axis in range(n)]
     links, of_rotors = np.split(base.matrix, [10 * n], axis=1)
     axes = {}

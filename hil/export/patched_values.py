@@ -75,7 +75,8 @@ def values_of(model: Model, given: Patched, known: Stated, robot: SimulatedRobot
     A link includes what is welded to it. What is unknown of friction is left out.
     """
     names, bodies, rotors = model.robot.added_parameters, given.bodies(), given.rotors()
-    after = np.eye(known.root.shape[1]) - known.gain(model.covariance) @ known.shown
+    open_ = known.widened(model.covariance, model.identified)
+    after = np.eye(known.root.shape[1]) - known.gain(open_) @ known.shown
     never = np.eye(len(after)) - np.linalg.pinv(known.shown, 1e-9) @ known.shown
     half = float(special.ndtri(0.975))
     found = []

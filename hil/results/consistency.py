@@ -60,7 +60,8 @@ def find_consistent_robot(
     p, covariance = model.values, model.covariance
     if likely is not None:
         none = np.zeros(len(model.robot.added_parameters))
-        p, covariance = Stated.create(model.robot, likely, none).completed(p, covariance)
+        stated = Stated.create(model.robot, likely, none)
+        p, covariance = stated.completed(p, stated.widened(covariance, model.identified))
     found = nearest_robot(model.robot, p, covariance, bounds, likely, likely_from)
     # up to 100 recordings of about 200 samples, enough for an rms
     runs, most = 100, 200

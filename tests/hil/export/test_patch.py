@@ -129,24 +129,29 @@ def test_a_tree_keeps_everything_but_numbers(tmp_path):
     np.testing.assert_allclose(after, expected, atol=2e-4 * np.abs(expected).max())
 
 
-def lacking_data(model, *columns, rests=()):
-    """Return a model whose recordings say nothing of some base parameters: 0, and any error."""
+def lacking_data(model, *columns, rests=(), variance=100.0):
+    """Return a model whose recordings say nothing of some base parameters: 0, and any error.
+
+    Strokes of single axes give no variance: 0.
+    """
     values, covariance = model.values.copy(), model.scatter_covariance.copy()
     values[list(columns)] = 0.0
-    covariance[columns, columns] = 100.0
-    details = FreeMotionFit.model_construct(rest=dict.fromkeys(rests, 0.0), not_identified=())
+    covariance[columns, columns] = variance
+    lost = tuple(model.names[k] for k in columns)
+    details = FreeMotionFit.model_construct(rest=dict.fromkeys(rests, 0.0), not_identified=lost)
     return replace(model, values=values, scatter_covariance=covariance, details=details)
 
 
+@pytest.mark.parametrize("variance", [0.0, 100.0])
 @pytest.mark.parametrize("to", ["urdf", "mjcf"])
-def test_what_the_recordings_leave_open_stays_near_the_file(tmp_path, to):
+def test_what_the_recordings_leave_open_stays_near_the_file(tmp_path, to, variance):
     """A missing inertia of the first axis counted as zero, and took the links' inertia with it."""
     if to == "mjcf":
         path = write_arm(tmp_path / "arm", wrist=ONE_JOINT)
     else:
         (path := tmp_path / "arm.urdf").write_text(urdf("askew arm", ROBOTS["askew"]))
     whole = identified(path)
-    model = lacking_data(whole, 0, 1, rests=(1,))
+    model = lacking_data(whole, 0, 1, rests=(1,), variance=variance)
     patched, exported = exported_model(model, to, path, patch=path)
     np.testing.assert_allclose(patched.consistent.values, whole.values, rtol=0.3, atol=1e-3)
     assert any("friction of axis 1 is unknown" in each for each in exported.remarks)
