@@ -19,7 +19,7 @@ import re
 from contextlib import nullcontext, suppress
 from dataclasses import replace
 from itertools import pairwise
-from typing import TYPE_CHECKING, NamedTuple, Protocol
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
@@ -53,9 +53,9 @@ if TYPE_CHECKING:
 
     from hil.arrays import Array
     from hil.estimation.consistent.conditions import BodyBounds
+    from hil.export.patched_values import Patched
     from hil.export.simulated_robot import SimulatedJoint, SimulatedRobot
     from hil.export.urdf_file import Given
-    from hil.model.readers.urdf import UrdfChain
     from hil.model.robot import Robot
     from hil.results.model import Model
 
@@ -81,35 +81,6 @@ class Body(NamedTuple):
         spread = J[:3, :3] - J[3, 3] * np.outer(centre, centre)
         inertia = np.trace(spread) * np.eye(3) - spread
         return cls(float(J[3, 3]), centre, rotation.T @ inertia @ rotation)
-
-
-class Patched(Protocol):
-    """User's file with the chain of a robot."""
-
-    path: Path
-    is_mjcf: bool
-
-    @property
-    def chain(self) -> UrdfChain:
-        """Joints of the robot."""
-
-    def bodies(self) -> Array:
-        """Return the bodies in the file, shape (n_joints, 10), in the robot's frames."""
-
-    def rotors(self) -> Array:
-        """Return the rotor inertias in the file, shape (n_joints,)."""
-
-    def friction(self) -> Array:
-        """Return Coulomb and viscous friction in the file, shape (n_joints, 2)."""
-
-    def patch(self, k: int, joint: SimulatedJoint) -> Iterator[str]:
-        """Write a joint and its link; yield the names of unchanged quantities."""
-
-    def remarks(self, model: Model, robot: SimulatedRobot) -> Iterator[str]:
-        """Yield remarks: quantities missing in the format, or to be set separately."""
-
-    def files(self) -> dict[str, str]:
-        """Return the contents of changed files, by paths from the main file's folder."""
 
 
 def patched_file(path: Path, robot: Robot) -> Patched:

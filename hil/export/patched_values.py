@@ -16,7 +16,7 @@ from __future__ import annotations
 
 import csv
 import io
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING, NamedTuple, Protocol
 
 import numpy as np
 from scipy import special
@@ -28,11 +28,12 @@ from hil.show.rounding import count
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
+    from pathlib import Path
 
     from hil.arrays import Array
     from hil.estimation.prior import Stated
-    from hil.export.patch import Patched
-    from hil.export.simulated_robot import SimulatedRobot
+    from hil.export.simulated_robot import SimulatedJoint, SimulatedRobot
+    from hil.model.readers.urdf import UrdfChain
     from hil.results.model import Model
 
 SHOWN = 0.5
@@ -47,6 +48,35 @@ OF_LINK = (
 
 SIGNED = {"centre x", "centre y", "centre z", "inertia xy", "inertia xz", "inertia yz"}
 """Quantities of either sign."""
+
+
+class Patched(Protocol):
+    """User's file with the chain of a robot."""
+
+    path: Path
+    is_mjcf: bool
+
+    @property
+    def chain(self) -> UrdfChain:
+        """Joints of the robot."""
+
+    def bodies(self) -> Array:
+        """Return the bodies in the file, shape (n_joints, 10), in the robot's frames."""
+
+    def rotors(self) -> Array:
+        """Return the rotor inertias in the file, shape (n_joints,)."""
+
+    def friction(self) -> Array:
+        """Return Coulomb and viscous friction in the file, shape (n_joints, 2)."""
+
+    def patch(self, k: int, joint: SimulatedJoint) -> Iterator[str]:
+        """Write a joint and its link; yield the names of unchanged quantities."""
+
+    def remarks(self, model: Model, robot: SimulatedRobot) -> Iterator[str]:
+        """Yield remarks: quantities missing in the format, or to be set separately."""
+
+    def files(self) -> dict[str, str]:
+        """Return the contents of changed files, by paths from the main file's folder."""
 
 
 class Value(NamedTuple):
