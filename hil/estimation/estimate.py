@@ -120,7 +120,7 @@ class Estimate(ByName):
         Step 1 of motions back and forth: rigid-body torque over the positions of each recording.
     combination : ndarray, shape (n_base, n_base), optional
         ``combination @ truth`` is the quantity estimated by `values`; None for each parameter
-        itself.
+        itself, and in files of earlier versions.
     prior_share : ndarray, shape (n_base,), optional
         Share of each variance, as the data alone give it, from the directions that a prior decides
         (`hil.estimation.prior`); None without a prior.

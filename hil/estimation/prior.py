@@ -51,7 +51,7 @@ from hil.model.frames import body_parameters, pseudo_inertia
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from hil.arrays import Array, Mask
+    from hil.arrays import Array
     from hil.model.robot import Robot
 
 
@@ -191,11 +191,11 @@ class Prior:
 
 
 OPEN = 1e3
-"""Standard deviation of a parameter without an estimate, in those of the file."""
+"""Standard deviation of a parameter without an estimate, in those of the file: a weight of 1e-6."""
 
 
 class Stated(NamedTuple):
-    """Standard parameters in a file, each known within its whole size.
+    """Standard parameters in a file, known within their whole sizes.
 
     Combined with an estimate by Bayes' rule: parameters determined better by the recordings stay
     as estimated, all others as in the file.
@@ -237,15 +237,18 @@ class Stated(NamedTuple):
         root[:n, :n], root[n:, n:] = Prior(bodies, 1.0).roots, np.diag(size)
         return cls(values, root, K @ root, K)
 
-    def widened(self, covariance: Array, identified: Mask) -> Array:
-        """Return the covariance of an estimate with parameters of unknown error left open.
+    def widened(self, covariance: Array, combination: Array | None) -> Array:
+        """Return the covariance of an estimate, with open directions beside sums of parameters.
 
-        Strokes of single axes leave parameters without a value, and without a variance.
+        With the sums C p estimated by strokes of single axes (`Estimate`), and 0 in place of the
+        lost parameters, the directions without a sum are the columns of 1 - C at those.
         """
-        V, size = covariance.copy(), np.sum(self.shown**2, axis=1)
-        lost = np.flatnonzero(~identified & (np.diag(V) == 0))
-        V[lost, lost] = OPEN**2 * np.where(size[lost] > 0, size[lost], 1.0)
-        return V
+        if combination is None:
+            return covariance
+        lost = ~combination.any(axis=1)
+        free = (np.eye(len(combination)) - combination)[:, lost]
+        size = OPEN * np.sqrt(np.sum(self.shown[lost] ** 2, axis=1))
+        return np.asarray(covariance + free @ np.diag(size**2) @ free.T)
 
     def gain(self, covariance: Array) -> Array:
         """Return R' K' (K R R' K' + V)^-1 for the covariance V of an estimate."""

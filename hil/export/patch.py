@@ -138,17 +138,17 @@ def find_near_bodies(model: Model, given: Patched, bounds: BodyBounds) -> Model:
     """Return the model with the possible bodies nearest to those of a file.
 
     Parameters without influence on the torques keep the values of the file, and what the recordings
-    leave open stays near them (`Stated`). A rotor with the same
-    effect as its link takes the value of the file before bodies are fitted. Otherwise the link
-    would be fitted with the rotor's inertia included. If this leaves the links less than half of
-    their value in the file, the links keep the file's value and the rotor takes the rest. If the
-    rotors of the file leave no possible body near the estimate, beyond a chi-square of 1, one
-    standard error, they are fitted with the bodies.
+    leave open stays near them (`Stated`). A rotor with the same effect as its link takes the value
+    of the file before bodies are fitted. Otherwise the link would be fitted with the rotor's
+    inertia included. If this leaves the links less than half of their value in the file, the links
+    keep the file's value and the rotor takes the rest. If the rotors of the file leave no possible
+    body near the estimate, beyond a chi-square of 1, one standard error, they are fitted with the
+    bodies.
     """
     robot, stated = model.robot, given.bodies()
     base, n, rotors = base_parameters(robot), robot.n_joints, np.zeros(len(robot.added_parameters))
     file = stated_parameters(model, given)
-    open_ = file.widened(model.covariance, model.identified)
+    open_ = file.widened(model.covariance, model.combination)
     values, covariance = file.completed(model.values, open_)
     acts_as = [10 * axis + (_IZZ if robot.revolute[axis] else _MASS) for axis in range(n)]
     links, of_rotors = np.split(base.matrix, [10 * n], axis=1)

@@ -38,6 +38,8 @@ if TYPE_CHECKING:
 
 SHOWN = 0.5
 """Least removed share of the variance of a value that counts as shown by the recordings."""
+NORMAL = float(special.ndtri(0.975))
+"""Half-width of a 95 % interval in standard deviations."""
 SMALL = 1e-6
 """Step of difference quotients, relative to the size of the parameter."""
 OF_LINK = (
@@ -45,7 +47,6 @@ OF_LINK = (
     *((f"centre {axis}", "m") for axis in "xyz"),
     *((f"inertia {'xyz'[i]}{'xyz'[j]}", "kg m^2") for i, j in FULL),
 )
-
 SIGNED = {"centre x", "centre y", "centre z", "inertia xy", "inertia xz", "inertia yz"}
 """Quantities of either sign."""
 
@@ -105,16 +106,15 @@ def values_of(model: Model, given: Patched, known: Stated, robot: SimulatedRobot
     A link includes what is welded to it. What is unknown of friction is left out.
     """
     names, bodies, rotors = model.robot.added_parameters, given.bodies(), given.rotors()
-    open_ = known.widened(model.covariance, model.identified)
+    open_ = known.widened(model.covariance, model.combination)
     after = np.eye(known.root.shape[1]) - known.gain(open_) @ known.shown
     never = np.eye(len(after)) - np.linalg.pinv(known.shown, 1e-9) @ known.shown
-    half = float(special.ndtri(0.975))
     found = []
 
     def add(of: str, quantity: tuple[str, str], file: float, value: float, g: Array) -> None:
         size = max(float(g @ g), 1e-300)
         left, least = (max(float(g @ C @ g), 0.0) for C in (after, never))
-        width = half * float(np.sqrt(left))
+        width = NORMAL * float(np.sqrt(left))
         shares = 1.0 - left / size, 1.0 - least / size
         found.append(
             Value(of, *quantity, file, value, *_interval(quantity[0], value, width), *shares)
@@ -138,29 +138,39 @@ def values_of(model: Model, given: Patched, known: Stated, robot: SimulatedRobot
         if given.is_mjcf and rotor in names:
             g = known.root[bodies.size + names.index(rotor)]
             add(joint.name, ("armature", unit), float(rotors[k]), joint.armature, g)
-        law = model.friction_law.axes[k]
-        if joint.friction is None or law is None:
-            continue
-        coulomb, viscous = joint.friction.coulomb, joint.friction.viscous
-        if given.is_mjcf:
-            coulomb, viscous = joint.friction.coasting[:2]
-        torque, speed = model.robot.torque_unit(k), f"s/{model.robot.position_unit(k)}"
-        # two terms in place of the law: its misfit counts as a standard deviation
-        misfit, fastest = joint.friction.misfit, joint.friction.speeds[-1]
-        for term, quantity, before, value, beside in (
-            ("Coulomb", ("frictionloss", torque), given.friction()[k, 0], coulomb, misfit),
-            (
-                "viscous",
-                ("damping", f"{torque} {speed}"),
-                given.friction()[k, 1],
-                viscous,
-                misfit / fastest,
-            ),
-        ):
-            error = law.plain[term].standard_error if term in law.plain else np.nan
-            ends = _interval(quantity[0], value, half * float(np.hypot(error, beside)))
-            found.append(Value(joint.name, *quantity, float(before), value, *ends, 1.0, 1.0))
+        found += _friction_values(model, given, k, joint)
     return found
+
+
+def _friction_values(
+    model: Model, given: Patched, k: int, joint: SimulatedJoint
+) -> Iterator[Value]:
+    """Yield dry friction and damping of a joint: two terms in place of its law.
+
+    The misfit of both counts as a standard deviation. Damping with a further term has no interval.
+    """
+    friction, law = joint.friction, model.friction_law.axes[k]
+    if friction is None or law is None:
+        return
+    coulomb, viscous, further, misfit = friction.coulomb, friction.viscous, 0.0, friction.misfit
+    if given.is_mjcf:
+        coulomb, viscous, further, _, misfit = friction.coasting
+    dry, damping = given.friction()[k].tolist()
+    of_coulomb, of_viscous = (
+        law.plain[term].standard_error if term in law.plain else np.nan
+        for term in ("Coulomb", "viscous")
+    )
+    torque, position = model.robot.torque_unit(k), model.robot.position_unit(k)
+    name, fastest = "frictionloss" if given.is_mjcf else "friction", friction.speeds[-1]
+    for quantity, unit, before, value, error in (
+        (name, torque, dry, coulomb, np.hypot(of_coulomb, misfit)),
+        (
+            "damping", f"{torque} s/{position}", damping, viscous,
+            np.nan if further else np.hypot(of_viscous, misfit / fastest),
+        ),
+    ):  # fmt: skip
+        ends = _interval(quantity, value, NORMAL * float(error))
+        yield Value(joint.name, quantity, unit, before, value, *ends, 1.0, 1.0)
 
 
 def _interval(quantity: str, value: float, width: float) -> tuple[float, float]:
@@ -208,7 +218,7 @@ def remarks_on(values: Sequence[Value], name: str, at_rest: Sequence[int]) -> It
             moved = f"of axis {', '.join(map(str, at_rest))} too"
         yield (
             f"{_listed(lacking)}: not shown by these recordings, and near the file's; a motion "
-            f"{moved} shows them: plan 20 s with hil plan --kind trajectory"
+            f"{moved} shows them (hil plan --kind trajectory)"
         )
     if never := [each for each in values if each.possible < SHOWN]:
         yield (

@@ -48,7 +48,8 @@ ratio. Quadratic damping misses laws of Stribeck friction by 2 % from slower sta
 POWERS = (1, 4, 16)
 """Powers of the errors whose sums of squares are least in turn; the last sum is of large errors."""
 TO_REST = np.array([1e-3, 0.1, 0.2, 0.4, 0.6, 0.8])
-"""Speeds below the slowest one, as shares of it."""
+"""Speeds of a law below 5 % of the axis's speed, as shares of that, as fine as `GRID`. The first is
+that of rest, where friction has no direction."""
 GRID = 100
 """Number of intervals of speed for integrals over it."""
 
@@ -146,12 +147,13 @@ def simple_friction(model: Model, warmth: float | None = None) -> tuple[SimpleFr
             continue
         # from 5 % of the axis's speed on, if the range of the law's data is unknown
         v = np.linspace(*(law.speeds or (0.05 * law.speed, law.speed)), 50)
-        forward, backward = (friction_alone(model, axis, s * v, warmth)[0] for s in (1.0, -1.0))
-        odd, even = (forward - backward) / 2, (forward + backward) / 2
         # below its slowest data a law is that of this speed; a law of unknown range holds to rest
-        u = v if law.speeds else np.concatenate([v[0] * TO_REST, v])
+        slow = np.empty(0) if law.speeds else v[0] * TO_REST
+        u = np.concatenate([slow, v])
         sides = [friction_alone(model, axis, s * u, warmth)[0] for s in (1.0, -1.0)]
         errors = _position_errors(u, (sides[0] - sides[1]) / 2, (sides[0] + sides[1]) / 2)
+        forward, backward = (side[len(slow) :] for side in sides)
+        odd, even = (forward - backward) / 2, (forward + backward) / 2
         (coulomb, viscous), left = optimize.nnls(np.column_stack([np.ones_like(v), v]), odd)
         constant = float(np.mean(even))
         plain = Quadratic(float(coulomb), float(viscous), 0.0, constant, _misfit(left, even))

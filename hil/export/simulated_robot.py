@@ -165,7 +165,7 @@ def moved_to_frames(chain: UrdfChain, robot: Robot, bodies: Sequence[Array]) -> 
     return np.array([parameter_map(inverse(each.mdh)) @ body for each, body in pairs])
 
 
-class Placed(NamedTuple):
+class JointPlace(NamedTuple):
     """Names and place of a joint; `mdh`: the robot file's frame in the link's frame."""
 
     name: str
@@ -175,16 +175,18 @@ class Placed(NamedTuple):
     mdh: Array
 
 
-def placed(robot: Robot, chain: UrdfChain | None) -> list[Placed]:
+def placed(robot: Robot, chain: UrdfChain | None) -> list[JointPlace]:
     """Return the joints as placed by the robot file or a URDF."""
     if chain is None:
         z, same = np.array([0.0, 0.0, 1.0]), np.eye(4)
         poses = (robot.zero_pose(j) for j in range(robot.n_joints))
-        return [Placed(f"joint{j}", f"link{j}", T, z, same) for j, T in enumerate(poses, start=1)]
+        return [
+            JointPlace(f"joint{j}", f"link{j}", T, z, same) for j, T in enumerate(poses, start=1)
+        ]
     still = np.zeros(robot.n_joints)
     frames = find_frames(chain).poses(still, robot.revolute)
     return [
-        Placed(joint.name, joint.link, joint.before, joint.axis, inverse(own) @ mdh)
+        JointPlace(joint.name, joint.link, joint.before, joint.axis, inverse(own) @ mdh)
         for joint, own, mdh in zip(chain.joints, chain.frames(still), frames, strict=True)
     ]
 

@@ -61,7 +61,7 @@ def find_consistent_robot(
     if likely is not None:
         none = np.zeros(len(model.robot.added_parameters))
         stated = Stated.create(model.robot, likely, none)
-        p, covariance = stated.completed(p, stated.widened(covariance, model.identified))
+        p, covariance = stated.completed(p, stated.widened(covariance, model.combination))
     found = nearest_robot(model.robot, p, covariance, bounds, likely, likely_from)
     # up to 100 recordings of about 200 samples, enough for an rms
     runs, most = 100, 200

@@ -123,6 +123,7 @@ class ModelFile(FileModel):
     edges: tuple[Edge, ...] = ()
     band_residual: BandResidual | None = None
     refinement: Refinement | None = None
+    combination: Matrix | None = None
 
     @model_validator(mode="after")
     def _check_sizes(self) -> ModelFile:
@@ -130,6 +131,7 @@ class ModelFile(FileModel):
         for name, rows in (
             ("covariance", self.covariance),
             ("drive_covariance", self.drive_covariance),
+            ("combination", self.combination),
         ):
             if rows is not None and [len(row) for row in rows] != [n] * n:
                 raise ValueError(f"{name} must have {n} rows of {n} values, as many as parameters")
@@ -200,6 +202,7 @@ class ModelFile(FileModel):
             "friction_law": law or FrictionLaw.absent(robot.n_joints),
             "details": self.friction or self.back_and_forth or NO_DETAILS,
             "effect": np.array(self.torque_effect or ((),)),
+            "combination": None if self.combination is None else np.array(self.combination),
             "method": self.provenance.method,
             "n_measurements": self.provenance.measurements,
         }

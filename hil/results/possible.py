@@ -71,20 +71,26 @@ def impossible_inertias(model: IdentifiedRobot) -> Iterator[Impossible]:
     q = _positions(model)
     rotors = motor_inertia(model.robot, q)
     yield from _energy(model, q, rotors, "mass matrix")
-    for k, row in enumerate(base_parameters(model.robot).matrix):
+    for k, row in enumerate(_sums(model)):
         if not row[: 10 * model.robot.n_joints].any() and _not_negative(model, row):
             yield from _parameter(model, k)
 
 
 def impossible_links(model: IdentifiedRobot) -> Iterator[Impossible]:
     """Find negative base parameters, and negative eigenvalues of the mass matrix without rotors."""
-    for k, row in enumerate(base_parameters(model.robot).matrix):
+    for k, row in enumerate(_sums(model)):
         if row[: 10 * model.robot.n_joints].any() and _not_negative(model, row):
             yield from _parameter(model, k)
     q = _positions(model)
     if motor_inertia(model.robot, q[:1]).any():
         still = np.zeros((len(q), model.robot.n_joints, model.robot.n_joints))
         yield from _energy(model, q, still, "mass matrix of the links without rotors")
+
+
+def _sums(model: IdentifiedRobot) -> Array:
+    """Return what each value of a model estimates, in standard parameters, (n_base, n_standard)."""
+    K = base_parameters(model.robot).matrix
+    return K if model.combination is None else np.asarray(model.combination @ K)
 
 
 def _positions(model: IdentifiedRobot) -> Array:
@@ -109,7 +115,12 @@ def _parameter(model: IdentifiedRobot, k: int) -> Iterator[Impossible]:
 
 
 def _energy(model: IdentifiedRobot, q: Array, rotors: Array, what: str) -> Iterator[Impossible]:
-    """Find the most certain negative eigenvalue of M(q) and `rotors`, relative to M's diagonal."""
+    """Find the most certain negative eigenvalue of M(q) and `rotors`, relative to M's diagonal.
+
+    Sums of parameters, estimated by strokes of single axes, determine no mass matrix.
+    """
+    if model.combination is not None and not model.identified.all():
+        return
     robot, p = model.robot, model.values
     moved = [k for k in range(robot.n_joints) if k + 1 not in model.details.rest]
     M = (mass_matrix(robot, p, q) + rotors)[:, moved][:, :, moved]

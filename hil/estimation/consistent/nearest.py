@@ -336,9 +336,10 @@ def nearest_robot(
     try:
         phi = space.likeliest(conditions(whole, bounds), first, scaled=likely is None)
     except np.linalg.LinAlgError as error:
+        size = float(np.abs(first.u[space.root.shape[1] :]).max(initial=0.0))
         raise NotRealisable(
-            f"links near {likely_from} are beyond double precision: the estimate is far from them; "
-            "look for effects missing in the robot file (hil diagnose), or record more motion"
+            f"links up to {size:.2g} times {likely_from} are beyond double precision; look for "
+            "effects missing in the robot file (hil diagnose), or record more motion"
         ) from error
     bodies = phi[: 10 * robot.n_joints].reshape(-1, 10)
     thickness = np.array([thickness_of(body) for body in bodies])

@@ -200,7 +200,7 @@ def settled(
 
 
 def _torque_shares(pieces: Regression, still: Sequence[int]) -> tuple[Array, Array]:
-    """Return normal equations in shares of each axis's squared torque, and these torques, rms.
+    """Return normal equations in shares of the axes' squared torques, and the rms torques.
 
     Noise and friction cause errors of the torque of at least the same share on every axis, so these
     shares decide what is identified. Rows weighted by residuals do not: with 1 % of noise and a

@@ -75,8 +75,9 @@ def change_by_cause(
     said = [f"cause of the difference from {before}{besides}: {each}" for each in proof.found]
     if proof.unexplained:
         return (
-            f"these recordings differ from {before}{besides} by more than its own parts differ, "
-            "and no single cause explains it: look for two changes, or record after each of them",
+            f"no change since {before}{besides} can be told from model error: the model leaves more"
+            " of these recordings, and no single cause explains it; to compare, record the motions"
+            f" of {before} again",
         )
     if not said and not any(each.size is not None or not each.testable for each in proof.limits):
         return (f"no change since {before} would show in these recordings: measure longer",)

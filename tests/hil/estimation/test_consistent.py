@@ -222,7 +222,9 @@ def test_bodies_beyond_double_precision_are_refused_with_what_to_do(monkeypatch)
     monkeypatch.setattr(nearest, "likeliest", lost)
     robot = Robot.load("manutec-r15")
     p, error = possible_models.possible(robot)
-    with pytest.raises(NotRealisable, match=r"beyond double precision: .* record more motion"):
+    with pytest.raises(
+        NotRealisable, match=r"up to \d\S* times .* beyond double precision; .* more motion"
+    ):
         nearest_robot(robot, p, np.diag(error**2))
 
 

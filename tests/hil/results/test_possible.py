@@ -11,6 +11,7 @@ from free_run import TRUTH, arm, recorded, write_free_run
 from possible_models import model_of, possible
 
 from hil.errors import InvalidValue
+from hil.estimation.free_motion.result import FreeMotionFit
 from hil.estimation.intervals import Edge
 from hil.model.base_parameters import base_parameters
 from hil.model.robot import Robot
@@ -100,6 +101,37 @@ def test_a_rotor_inertia_that_is_negative_beyond_its_error_has_failed() -> None:
     found = [each for each in impossible_inertias(model_of(robot, p, error)) if each.unit]
     assert [each.what for each in found] == [base_parameters(robot).titles[rotor]]
     assert verdict(model_of(robot, p, error)).word == "failed"
+
+
+def test_a_rotor_less_a_link_may_be_negative() -> None:
+    """Strokes of single axes estimate sums in place of single parameters."""
+    robot = Robot.load("staubli-tx40")
+    p, error = possible(robot)
+    rotor, link = (base_parameters(robot).heads.index(name) for name in ("Ia3", "Izz2"))
+    p[rotor], error[rotor] = -0.05, 0.002
+    C = np.eye(len(p))
+    C[rotor, link], C[link, link] = -1.0, 0.0
+    of_sums = replace(model_of(robot, p, error), combination=C)
+    assert not [each for each in impossible_inertias(of_sums) if each.unit]
+    C[rotor, link] = 1.0
+    of_sums = replace(model_of(robot, p, error), combination=C)
+    assert [each.value for each in impossible_inertias(of_sums) if each.unit] == []
+    assert any(each.value == -0.05 for each in impossible_links(of_sums))
+
+
+def test_sums_determine_no_mass_matrix() -> None:
+    """With 0 in place of one part, it looked indefinite beyond its error."""
+    robot = Robot.load("staubli-tx40")
+    p, error = possible(robot)
+    C, (of, part) = (
+        np.eye(len(p)),
+        (base_parameters(robot).heads.index(n) for n in ("Izz1", "Izz2")),
+    )
+    C[of, part], C[part, part] = -9.0, 0.0
+    partial = replace(model_of(robot, C @ p, error), combination=C)
+    lost = FreeMotionFit.model_construct(not_identified=(partial.names[part],), rest={})
+    assert [*impossible_inertias(replace(partial, combination=None))]
+    assert not [*impossible_inertias(replace(partial, details=lost))]
 
 
 def test_an_estimate_at_the_edge_of_its_search_is_named_with_value_and_bound(
