@@ -193,6 +193,9 @@ class Prior:
 OPEN = 1e3
 """Standard deviation of a parameter without an estimate, in those of the file: a weight of 1e-6."""
 
+OF_FILE = 0.01
+"""Least share of the variance of a sum of parameters with which a file moves it."""
+
 
 class Stated(NamedTuple):
     """Standard parameters in a file, known within their whole sizes.
@@ -260,13 +263,24 @@ class Stated(NamedTuple):
         return np.asarray(turned.T * scale)
 
     def completed(self, p: Array, covariance: Array) -> tuple[Array, Array]:
-        """Return an estimate of the base parameters completed by the file, with its covariance."""
-        # parameters of which the file says nothing, such as springs
-        silent = ~self.shown.any(axis=1)
-        G = self.shown @ self.gain(covariance) + np.diag(silent.astype(float))
-        stated = np.where(silent, p, self.matrix @ self.values)
-        V = G @ covariance
-        return stated + G @ (p - stated), (V + V.T) / 2
+        """Return an estimate of the base parameters completed by the file, with its covariance.
+
+        Bayes' rule moves a sum of parameters by at most (share * its size in the file), and those
+        known within a tenth of this size, a share of `OF_FILE`, by less than a tenth of a standard
+        error. These stay exactly: an exported file has the torques of the model.
+        """
+        # the file says nothing of other parameters, such as springs: they follow by correlation
+        named = self.shown.any(axis=1)
+        shown, V = self.shown[named], covariance[:, named]
+        total = V[named] + shown @ shown.T
+        scale = 1.0 / np.sqrt(np.diag(total))
+        values, U = np.linalg.eigh(total * np.outer(scale, scale))
+        white = scale[:, np.newaxis] * U / np.sqrt(np.maximum(values, np.finfo(float).eps))
+        shares, U = np.linalg.eigh(white.T @ V[named] @ white)
+        white = white @ U[:, shares > OF_FILE]
+        moved = V @ white
+        file = (self.matrix @ self.values - p)[named]
+        return p + moved @ (white.T @ file), covariance - moved @ moved.T
 
 
 def open_covariance(robot: Robot, N: Array, torque: Array | None = None) -> Array:

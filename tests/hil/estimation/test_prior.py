@@ -13,7 +13,7 @@ from hil.errors import InvalidValue, UnknownName
 from hil.estimation.free_motion.variants import DEFAULT
 from hil.estimation.identify import estimate
 from hil.estimation.options import Options
-from hil.estimation.prior import Prior, least_unknowns, open_covariance
+from hil.estimation.prior import Prior, Stated, least_unknowns, open_covariance
 from hil.least_squares.solving import solved
 from hil.model.dynamics import regressor
 from hil.model.frames import parameter_map
@@ -175,6 +175,22 @@ def test_intervals_hold_the_truth_where_cad_errs_as_stated(robot: Robot) -> None
         made = of_cad.completed(robot, N, np.linalg.pinv(W) @ b, np.linalg.pinv(N))
         inside.append(np.abs(made.p - p) < 1.96 * np.sqrt(np.diag(made.covariance)))
     assert np.mean(inside) == pytest.approx(0.95, abs=0.02)
+
+
+def test_a_file_completes_what_the_recordings_leave_open_and_nothing_else(robot: Robot) -> None:
+    """Two sums of parameters are open, all others determined to a tenth of a per cent."""
+    rng = np.random.default_rng(5)
+    file = Stated.create(robot, BODIES, np.zeros(len(robot.added_parameters)))
+    p = 1.2 * (file.matrix @ file.values)
+    well = np.diag((1e-3 * p) ** 2)
+    kept, covariance = file.completed(p, well)
+    np.testing.assert_array_equal(kept, p)
+    np.testing.assert_array_equal(covariance, well)
+    open_ = (rng.standard_normal((6, 2)) * np.abs(p)[:, np.newaxis]) * 1e3
+    found = file.completed(p, well + open_ @ open_.T)[0]
+    determined = np.linalg.svd(open_)[0][:, 2:]
+    np.testing.assert_allclose(determined.T @ found, determined.T @ p, rtol=0, atol=1e-9)
+    assert np.abs(found - p).max() > 0.01 * np.abs(p).max()
 
 
 def test_directions_without_scatter_between_few_groups_are_not_taken_from_cad(robot: Robot) -> None:
