@@ -198,6 +198,8 @@ def signals(recording: Recording) -> Signals:
     """
     if recording not in _KEPT:
         sampled = recording.fresh
+        if not sampled.any():
+            raise NotEnoughData("no usable sample; repeat the measurement")
         # sampling period covering most of a motion [s]; if drives update values less often than
         # SYNC, the period is the time between updates
         fresh = recording.time[sampled]
@@ -209,8 +211,6 @@ def signals(recording: Recording) -> Signals:
         n = int(index[-1]) + 1
         time = recording.time[0] + period * np.arange(n)
         missing = np.ones(n, dtype=bool)
-        if not sampled.any():
-            raise NotEnoughData("no usable sample; repeat the measurement")
         missing[index[sampled]] = False
         q = _interpolate_columns(time, recording.time[sampled], recording.q[sampled])
         tau = _interpolate_columns(time, recording.time[sampled], recording.tau[sampled])

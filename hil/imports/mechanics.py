@@ -22,12 +22,14 @@ import numpy as np
 
 from hil.errors import NotIdentifiable
 from hil.estimation.excluded.alternatives import (
+    NONE_LEFT,
     ROWS,
     STARTS,
     Reading,
     discrete,
     explained,
     likeliest_signs,
+    searched,
     sized,
 )
 from hil.estimation.excluded.causes import CAUSES
@@ -39,6 +41,7 @@ from hil.estimation.signals import signals
 from hil.estimation.simultaneous import SimultaneousFit
 from hil.imports.evidence import Suspicion, beyond_noise, noise_shares
 from hil.imports.two_clocks import clock_of_torques, late_torques
+from hil.least_squares.standstill import SLOW as AT_REST
 from hil.least_squares.uncertainty import TWICE
 from hil.model.base_parameters import base_parameters
 from hil.model.drive_train_file import USUAL_BOUND
@@ -60,6 +63,7 @@ PLACES = {
     "wrong sign of a torque": ("torque", "sign"),
     "two positions exchanged": ("position", "column"),
     "two torques exchanged": ("torque", "column"),
+    "torque constant": ("torque", "unit"),
     "position scale": ("position", "unit"),
     "joint offset": ("position", "offset"),
 }
@@ -138,7 +142,7 @@ def mechanical_suspicions(
             "shape",
             ("joints", 0, "torque"),
             f"the model with friction leaves at least {100 * share[shown].min():.0f} % of the "
-            f"torque variance of every moving joint unexplained: {_why_unrelated(smooth, shown)}",
+            f"torque variance of every moving joint unexplained: {_why_unrelated(prepared, shown)}",
         )
         return
     poor = share > UNEXPLAINED
@@ -152,14 +156,25 @@ def mechanical_suspicions(
         yield from _late(robot, prepared, solver, shown)
 
 
-def _why_unrelated(torque: Array, shown: Mask) -> str:
-    """Return reason and remedy for torques (n, n_joints) unrelated to the motion of all joints.
+def _why_unrelated(prepared: Prepared, shown: Mask) -> str:
+    """Return reason and remedy for torques unrelated to the motion of all joints.
 
-    The ripple of a motor at a constant current is within the tolerance of its torque constant.
+    The ripple of a motor at a constant current is within the tolerance of its torque constant. A
+    joint held by static friction has any torque up to that of sliding.
     """
+    torque = np.concatenate([s.smoothed(s.tau) for _, s in prepared])
+    speed = np.abs(np.concatenate([s.smoothed(s.link[1]) for _, s in prepared]))
     mean, change = torque.mean(axis=0), torque.std(axis=0)
+    joint = int(np.flatnonzero(shown)[0])
+    stands = speed[:, joint] < AT_REST * speed[:, joint].max()
+    # most of the torque's variance is that of standstill
+    if stands.mean() > 0.5 and np.std(torque[stands, joint]) > np.sqrt(0.5) * change[joint]:
+        return (
+            f"joint {joint + 1} stands still in {100 * stands.mean():.0f} % of the samples, and "
+            "its torque changes as much there, as static friction allows; record motions without "
+            "standstill"
+        )
     if (change < USUAL_BOUND * np.abs(mean))[shown].all():
-        joint = int(np.flatnonzero(shown)[0])
         return (
             f"torques hardly change (joint {joint + 1}: {mean[joint]:.3g}, standard deviation "
             f"{change[joint]:.2g}), so they show nothing of this motion; record motions whose "
@@ -343,7 +358,7 @@ def _no_worse(stated: Explained, other: _Other) -> bool:
 def _others(stated: Explained, *, poor: bool) -> Iterator[_Other]:
     """Yield the readings that explain the torques better, or as well without driving friction."""
     several = _several_signs(stated) if poor else ()
-    driven, most = int(stated.driven.argmax()), float(stated.driven.max())
+    braked, most = int(stated.driven.argmax()), float(stated.driven.max())
     drives = most >= 1.0 - LEAVES
     stated_misfit = stated.misfit + stated.negative
     least = -TOGETHER if drives else TOGETHER
@@ -352,10 +367,23 @@ def _others(stated: Explained, *, poor: bool) -> Iterator[_Other]:
         if here is not None and (here.possible or "exchanged" not in cause):
             gain = stated_misfit - here.misfit - here.negative
             # a reading without the motion's or the torque's sign cures driving friction by chance
-            brakes = drives and reading.sign_q[driven] * reading.sign_tau[driven] < 0
+            brakes = drives and reading.sign_q[braked] * reading.sign_tau[braked] < 0
             brakes &= (1.0 - here.driven.max()) * LEAVES >= 1.0 - most
             if gain > (least if brakes or not drives else TOGETHER):
                 yield _Other(gain, brakes, cause, axes, words, here)
+    cause = "torque constant"
+    driven = np.unique(stated.evidence.axis[stated.evidence.recorded != 0]).tolist()
+    for axis in driven if stated.torn <= EXPLAINS else ():
+        found = searched(stated, sized(stated.robot, cause, axis), STARTS[cause], NONE_LEFT)
+        if found is not None and found[2].possible:
+            size, bend, here = found
+            share = 1.0 + size / 100.0
+            # two figures hold where twice the standard error is below a tenth
+            known = 100.0 * share > 20.0 * float(np.sqrt(2.0 / bend))
+            by = f"some {float(f'{max(share, 1.0 / share):.2g}'):g}" if known else "many"
+            words = f"its torque is {by} times too {'large' if share < 1.0 else 'small'}"
+            gain = stated_misfit - here.misfit - here.negative
+            yield _Other(gain, False, cause, (axis,), words, here)
 
 
 def _suspicion(

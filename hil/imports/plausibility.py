@@ -203,7 +203,7 @@ def _held(excerpts: Sequence[Excerpt], evidence: Evidence) -> Iterator[Suspicion
 
 def coarse(evidence: Evidence) -> Mask:
     """Return joints with more than half of the acceleration's power from noise of the position."""
-    return np.asarray(evidence.noise_share**2 > 1 / 2)
+    return np.asarray(evidence.noise_share > np.sqrt(0.5))
 
 
 def _noisy(excerpts: Sequence[Excerpt]) -> Iterator[Suspicion]:

@@ -146,7 +146,8 @@ def timing_of(samples: Samples, segments: list[Integers], rate: float | None = N
     instants: Instants = "even" if trusted else instants_of(samples, parts, period)
     stretches = []
     for rows in parts:
-        kept = rows if instants != "stamped" else distinct(samples.time, rows, period)
+        own = trusted or instants == "stamped"  # instants are the stamps, which may repeat
+        kept = distinct(samples.time, rows, period) if own else rows
         if len(kept) > 1:
             stretches.append(
                 stretch_of(samples.time[kept], kept, period, instants, trusted=trusted)

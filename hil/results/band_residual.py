@@ -10,6 +10,7 @@ import numpy as np
 
 from hil.errors import FrictionUnknown, Mismatch
 from hil.estimation.free_motion.motion import low_passed
+from hil.estimation.free_motion.result import FreeMotionFit
 from hil.estimation.options import ACCURACY
 from hil.friction.equation import SLOW
 from hil.least_squares.standstill import braked, extent, limited, moving
@@ -76,12 +77,16 @@ def band_residual(
     Returns
     -------
     BandResidual or None
-        None if the model states no friction, or no motion lasts `SHORTEST`.
+        None if the model states no friction, or no motion lasts `SHORTEST`. Axes whose torque the
+        estimate does not use are not judged: their friction is not identified.
     """
     n_joints = model.robot.n_joints
     squares, counts = np.zeros((6, n_joints)), np.zeros((6, n_joints))
     noise, seconds = np.zeros((2, n_joints))
-    unknown = [axis - 1 for axis in model.axes_without_friction]
+    unknown = {axis - 1 for axis in model.axes_without_friction}
+    if isinstance(model.details, FreeMotionFit):  # axes held or at rest, without any friction
+        shares = model.details.relative_residual
+        unknown |= {axis for axis, share in enumerate(shares) if share is None}
     if len(unknown) == n_joints:
         return None
     for motion, as_recorded in recorded:

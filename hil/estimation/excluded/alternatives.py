@@ -18,7 +18,7 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import combinations, product
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 from scipy import special
@@ -53,8 +53,8 @@ STARTS = {
     "gear ratio": (-50.0, -20.0, 25.0, 100.0),
     "position scale": (-98.25, -50.0, -10.0, 10.0, 100.0),
     "torque constant": (
-        *(-99.0, -96.9, -90.0, -75.0, -66.7, -50.0, -29.3),
-        *(30.0, 41.4, 100.0, 200.0, 300.0, 900.0, 3060.0, 9900.0),
+        *(-99.9, -99.0, -96.9, -90.0, -75.0, -66.7, -50.0, -29.3),
+        *(30.0, 41.4, 100.0, 200.0, 300.0, 900.0, 3060.0, 9900.0, 99900.0),
     ),
     "slip": (-20.0, -5.0, 5.0, 20.0),
     "gravity": (-90.0, -30.0, 30.0, 90.0, 180.0),
@@ -67,9 +67,15 @@ STARTS = {
 }
 """Start values of the searches. Torques are sinusoids of angles; degrees in place of radians are
 too large by a factor of 57, peak values in place of rms values by 41 %; up to four phases or
-motors may be left out or counted twice, and so may gears of 10 to 100. Rates are preferred numbers
-in steps of 1.25. Delays of one axis are at most those that an estimate searches.
+motors may be left out or counted twice, and so may gears of 10 to 100 and prefixes of units. Rates
+are preferred numbers in steps of 1.25. Delays of one axis are at most those that an estimate
+searches.
 """
+FACTOR = 0.25
+"""Largest step between the start values of a factor, on a logarithmic scale: the right one leaves
+an eighth of the torque at most, less than what the other axes contradict."""
+NONE_LEFT = -100.0
+"""Change to a factor of zero [%]."""
 TORQUE = 3
 """Index of the torque among the kinds of signal, after position, velocity and acceleration."""
 DELAYS = {"torque delay": TORQUE, "position delay": 0}
@@ -202,6 +208,8 @@ class Explained:
     ) -> Explained:
         """Fit another reading of the evidence."""
         of = self.robot, self.evidence, reading, self.more
+        if columns is None and reading.key == self.reading.key:  # of the same motion
+            columns = _columns(*of, self._regressors[reading.key])
         return explained(*of, rounds, self.dispersion, columns)
 
     def instead_below(self, reading: Reading, most: float) -> Explained | None:
@@ -214,11 +222,23 @@ class Explained:
             self._regressors.popitem()
         known = self._regressors.setdefault(reading.key, {})
         columns = _columns(self.robot, self.evidence, reading, self.more, known)
-        blocks = columns.blocks
-        apart, counts = Normal.split(blocks.products[0]), blocks.counts[0]
-        left = apart.square - np.sum(apart.v * solve_each(apart.N, apart.v), axis=1)
-        least = counts @ np.log(np.maximum(left / np.maximum(counts, 1.0), self.evidence.least))
-        return self.instead(reading, columns=columns) if least < most else None
+        counts = columns.blocks.counts[0]
+        misfit = counts @ np.log(_left_apart(columns.blocks, self.evidence.least))
+        return self.instead(reading, columns=columns) if misfit < most else None
+
+    @cached_property
+    def torn(self) -> float:
+        """Least share of an axis's mean square left by base parameters of its own.
+
+        The axes share parameters of the outer links, so a small share contradicts the reading. A
+        gain of a torque changes neither of the two mean squares alone.
+        """
+        blocks = _columns(self.robot, self.evidence, self.reading, self.more).blocks
+        counts, n, evidence = self.counts, self.p.size, self.evidence
+        driven = np.bincount(evidence.axis, evidence.recorded != 0, minlength=len(counts)) > 0
+        shown = driven & (counts > n)  # zeros in place of a torque have no gain
+        left = _left_apart(blocks, self.evidence.least)[shown] / self.left[shown]
+        return float((left * counts[shown] / (counts[shown] - n)).min(initial=1.0))
 
     @cached_property
     def _regressors(self) -> dict[tuple[object, ...], dict[tuple[int, int], Array]]:
@@ -370,6 +390,13 @@ def _columns(
     return _Columns(torque, X, evidence.blocks(rows, X.shape[1]))
 
 
+def _left_apart(blocks: Blocks, least: Array) -> Array:
+    """Return the mean squares left by separate base parameters for each channel, (n_channels,)."""
+    apart, counts = Normal.split(blocks.products[0]), blocks.counts[0]
+    left = apart.square - np.sum(apart.v * solve_each(apart.N, apart.v), axis=1)
+    return np.asarray(np.maximum(left / np.maximum(counts, 1.0), least))
+
+
 def _beyond(n: int) -> float:
     """Return the square of a one-sided 5 % bound on the greatest of `n` standard normals."""
     return float(special.ndtri(LEVEL / n)) ** 2
@@ -456,10 +483,10 @@ def alternatives(
         read = sized(robot, cause, axis, instant, heading)
         starts = [*STARTS[cause], *([sizes[cause, axis]] if (cause, axis) in sizes else [])]
         least = CAUSES[cause].least if cause in CAUSES else -np.inf
-        each = _searched(stated, read, [start for start in starts if start > least], least)
+        each = searched(stated, read, [start for start in starts if start > least], least)
         if each is not None and cause == "gravity":  # the best direction depends on the size
             read = sized(robot, cause, axis, 0.0, _heading(stated, [each[0]]))
-            each = _searched(stated, read, [each[0]], least) or each
+            each = searched(stated, read, [each[0]], least) or each
         if each is not None:
             size, bend, here = each
             error = float(np.sqrt(2.0 * stated.dispersion / bend))
@@ -583,35 +610,45 @@ def likeliest_signs(stated: Explained, alike: float) -> Reading:
     return min(found, key=lambda each: stated.instead(each).negative)
 
 
-def _searched(
-    stated: Explained, read: Callable[[float], Reading], starts: list[float], least: float
+def searched(
+    stated: Explained, read: Callable[[float], Reading], starts: Sequence[float], least: float
 ) -> tuple[float, float, Explained] | None:
     """Search the best size near the best start; return size, curvature and fit.
 
     None if the best start explains no more than the stated reading, or if the search ends where
-    the misfit has no minimum. Curvature is the second derivative of the misfit.
+    the misfit has no minimum. Curvature is the second derivative of the misfit. Sizes above -100 %
+    are searched by the logarithm of the factor: a gain of 1000 has as wide a minimum as one of 2.
     """
+    factor = least == NONE_LEFT
 
-    def misfit(size: float, rounds: int = ROUNDS) -> float:
-        return stated.instead(read(size), rounds).misfit
+    def change(x: float) -> float:
+        return 100.0 * float(np.expm1(x)) if factor else x
 
-    start = min(starts, key=lambda size: misfit(size, ROUGHLY))
+    def misfit(x: float, rounds: int = ROUNDS) -> float:
+        return stated.instead(read(change(x)), rounds).misfit
+
+    tried, rounds = starts, ROUGHLY
+    if factor:  # weights of a torque that is much too large converge late
+        few = np.log1p(np.array(starts) / 100.0)
+        tried = [*few.tolist(), *np.arange(few.min(), few.max(), FACTOR).tolist()]
+        rounds = ROUNDS
+    start = min(tried, key=lambda x: misfit(x, rounds))
     if misfit(start) >= stated.misfit:
         return None
     from scipy.optimize import minimize_scalar  # noqa: PLC0415 - takes long to load
 
-    every = sorted({*starts, 0.0})
+    every = sorted({*tried, 0.0})
     place = every.index(start)
-    below = max(every[place - 1] if place else 2.0 * start, least)
+    below = every[place - 1] if place else max(2.0 * start, -np.inf if factor else least)
     above = every[place + 1] if place + 1 < len(every) else 2.0 * start
     bounds = ((start + below) / 2, (start + above) / 2)
     reach = bounds[1] - bounds[0]
-    size = float(
-        minimize_scalar(
-            misfit, bounds=bounds, method="bounded", options={"xatol": 1e-3 * reach, "maxiter": 25}
-        ).x
-    )
-    here, step = stated.instead(read(size)), 0.01 * reach
-    beside = misfit(size - step), misfit(size + step)
+    how: dict[str, Any] = {"bounds": bounds, "method": "bounded"}
+    how["options"] = {"xatol": 1e-3 * reach, "maxiter": 25}
+    if factor and misfit(start) < min(misfit(below), misfit(above)):
+        how = {"bracket": (below, start, above), "options": {"xtol": 1e-4}}
+    size = change(float(minimize_scalar(misfit, **how).x))
+    here, step = stated.instead(read(size)), 0.01 * reach * (100.0 + size if factor else 1.0)
+    beside = [stated.instead(read(size + side * step)).misfit for side in (-1.0, 1.0)]
     bend = (sum(beside) - 2.0 * here.misfit) / step**2
     return (size, bend, here) if min(beside) > here.misfit else None

@@ -157,7 +157,7 @@ CAUSES = {
     ),
     "torque constant": Cause(
         "torque constant greater than stated by", "%", "%", PERCENT,
-        "correct torque_constant in robot file and drives file (or the gain in the map), and "
+        "correct torque_constant in robot file and drives file (in a map its unit or gain), and "
         "check whether currents are rms or peak values", least=-100.0,
     ),
     "torques of all axes": Cause(

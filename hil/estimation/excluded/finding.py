@@ -7,8 +7,8 @@ tested with the found ones included, until none is significant. Causes that expl
 well are named together with the found cause.
 
 Columns are of the first order. Other readings of the recordings are tried too (`alternatives`) if a
-found cause is large, if groups contradict each other for any reason, or if friction would drive an
-axis. A reading that explains as much as all columns together replaces the columns.
+found cause is large, if groups or axes contradict each other for any reason, or if friction would
+drive an axis. A reading that explains as much as all columns together replaces the columns.
 """
 
 from __future__ import annotations
@@ -361,10 +361,12 @@ class _Instead:
             return self._find_change(self._deviation)
         white = self.evidence.overlap
         sound = self._scatter < max(CONTRADICTS, USUAL * white) and self._stated.possible
-        if sound and not self.beyond and not any(each.left < LARGE for each in self.causes):
+        large = any(each.left < LARGE for each in self.causes)
+        beyond = self.beyond or (not large and self._stated.torn <= EXPLAINS)
+        if sound and not (beyond or large):
             return self.causes
         found = self._likeliest()
-        if sound and self.beyond:
+        if sound and beyond:
             return () if found is None or found.left > EXPLAINS else (found,)
         if found is not None:
             return (found,)

@@ -98,6 +98,10 @@ def omit_gear(_q: Array, tau: Array, _time: Array) -> None:
     tau[:, 1] /= 80.0
 
 
+def other_unit(_q: Array, tau: Array, _time: Array) -> None:
+    tau[:, 1] *= 20.0
+
+
 def constant(_q: Array, tau: Array, _time: Array) -> None:
     tau[:, 1] /= 1.3
 
@@ -227,6 +231,7 @@ def test_friction_of_the_load_that_is_fitted_is_not_called_invisible(
         (exchange, "two axes exchanged", (1, 2), "recordings exchanged"),
         (constant, "torque constant", (2,), r"greater than stated by (2|3)\d\.?\d* ± \d"),
         (omit_gear, "torque constant", (2,), r"greater than stated by (7[5-9]|8[0-3])\d\d "),
+        (other_unit, "torque constant", (2,), r"less than stated by 9(4\.[5-9]|5)"),
         (gear, "gear ratio", (1,), r"less than stated by (49|5\d)"),
         (slip, "slip", (2,), r"slipped by -?(9|1\d)\.?\d* ± "),
         (drifting, "drift of torque constant", (2,), "torque constant drifts by"),

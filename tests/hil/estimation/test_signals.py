@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 from scipy import signal
 
+from hil.errors import NotEnoughData
 from hil.estimation.signals import CUTOFF, ORDER, signals
 from hil.least_squares.window import HALF_WIDTH
 from hil.runs.recording import Recording
@@ -66,6 +67,11 @@ def test_the_smoothing_window_ends_where_it_says():
     assert touched[0] >= 100 - HALF_WIDTH / PERIOD
     assert touched[-1] <= 100 + HALF_WIDTH / PERIOD
     assert s.smoothed(impulse).sum() == pytest.approx(1.0)
+
+
+def test_a_recording_without_samples_is_refused_by_name():
+    with pytest.raises(NotEnoughData, match="no usable sample"):
+        signals(recording(np.zeros((0, 1))))
 
 
 def test_a_missing_sample_spoils_its_neighbours_and_no_others():

@@ -186,8 +186,34 @@ def test_a_zero_that_is_a_quarter_turn_off(seen, manutec, turn):
     ]
 
 
+def test_torques_of_a_joint_held_by_static_friction_show_no_motion(manutec):
+    q = np.tile([0.0, 0.3, -0.4, 0.0, 0.5, 0.0], (len(T), 1))
+    # a tenth of the time in motion, while the torque wanders throughout
+    q[:, 0] += 0.1 * np.clip(np.sin(2 * np.pi * T / 15) / 0.15, -1, 1)
+    tau = np.zeros_like(q)
+    tau[:, 0] = 0.1 * np.cumsum(np.random.default_rng(3).standard_normal(len(T)))
+    moves = np.arange(6) == 0
+    (found,) = mechanical_suspicions([excerpt(q, tau)], manutec, moves)
+    assert "joint 1 stands still in" in found.message
+    assert "record motions without standstill" in found.message
+
+
 def test_a_zero_that_is_a_little_off_is_left_to_the_estimate(seen, manutec):
     assert said(seen, manutec, q=seen.q + np.radians([0, 0, 5, 0, 0, 0])) == []
+
+
+@pytest.mark.parametrize(("joint", "factor", "size"), [
+    (0, 1000.0, "some 1000 times too large"),
+    (1, 20.0, "some 20 times too large"),
+    (2, 0.05, "some 20 times too small"),
+    (4, 1e-3, "many times too small"),
+])  # fmt: skip
+def test_a_torque_in_another_unit_where_no_limits_tell(seen, manutec, joint, factor, size):
+    tau = seen.tau.copy()
+    tau[:, joint] *= factor
+    ((place, message),) = said(seen, manutec, tau=tau)
+    assert place == ("joints", joint, "torque", "unit")
+    assert message == f"axis {joint + 1}: its torque is {size}"
 
 
 @pytest.mark.parametrize("stated", ["[0, 0, 9.81]", "[9.81, 0, 0]", "[0, -9.81, 0]"])

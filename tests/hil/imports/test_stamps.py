@@ -56,6 +56,15 @@ def test_even_stamps_rounded_to_milliseconds_lack_no_sample(rate):
         assert error(timing, at[rows]) < 1.1e-3
 
 
+def test_a_stamp_that_repeats_at_a_stated_rate_counts_once():
+    stamped = EVEN.copy()
+    stamped[1000:] -= 1 / RATE
+    timing = timing_of(samples(stamped, EVEN), [np.arange(N)], RATE)
+    (stretch,) = timing.stretches
+    assert len(stretch.rows) == N - 1
+    assert np.diff(stretch.instants).min() > 0.9 / RATE
+
+
 def test_stamps_of_a_sampler_that_is_late_are_believed():
     late = EVEN + np.random.default_rng(1).uniform(0, 0.004, N)
     timing = found(late)

@@ -13,6 +13,7 @@ from scipy import signal
 
 from drivers.drive_bus import SampleFlag
 from hil.errors import InvalidValue
+from hil.estimation.free_motion.result import FreeMotionFit
 from hil.estimation.options import Options
 from hil.friction.law import AxisLaw, FrictionLaw, TermValue
 from hil.results.band_residual import band_residual
@@ -62,6 +63,16 @@ def independent(model: Model, data: FreeRecorded) -> tuple[np.ndarray, float]:
         torque.append(tau[inner])
     e, y = (np.sqrt(np.mean(np.vstack(x) ** 2, axis=0)) for x in (left, torque))
     return e / y, float(np.linalg.norm(e) / np.linalg.norm(y))
+
+
+def test_an_axis_whose_torque_the_estimate_leaves_out_is_not_judged(
+    model: Model, data: FreeRecorded
+) -> None:
+    fit = FreeMotionFit.model_construct(relative_residual=(None, 0.1))
+    found = band_residual(replace(model, details=fit), data)
+    assert found is not None
+    assert found.left[0] is None
+    assert found.left[1] == pytest.approx(band_residual(model, data).left[1])
 
 
 def test_it_equals_what_a_user_computes_over_the_same_band(
