@@ -83,14 +83,25 @@ class Deviation(NamedTuple):
 
     def significant(self, evidence: Evidence, residual: Array) -> bool:
         """Return True if the later rows deviate on any axis; `residual` is of all rows."""
-        axis = np.where(evidence.is_later, evidence.axis, -1)
-        logs = _log_mean_squares(evidence.project_out_friction(residual), axis, len(self.level))
-        torque = _log_mean_squares(evidence.torque, axis, len(self.level))
+        logs = self.later(evidence, evidence.project_out_friction(residual))
+        torque = self.later(evidence, evidence.torque)
         beyond = logs - self.level - np.maximum(torque - self.torque, 0.0)
         t = beyond / self.scatter if self.degrees else np.zeros_like(beyond)
         t = t[np.isfinite(t)]
         level = LEVEL / FAMILIES / max(t.size, 1)
         return bool(t.size and special.stdtr(self.degrees, -t.max()) < level)
+
+    def least_left(self, evidence: Evidence, residual: Array, before: Array) -> float:
+        """Return the least ratio of mean squares of the later rows, of residuals of all rows."""
+        here, there = (
+            self.later(evidence, evidence.project_out_friction(each)) for each in (residual, before)
+        )
+        return float(np.exp(np.nanmin(here - there)))
+
+    def later(self, evidence: Evidence, values: Array) -> Array:
+        """Return logarithms of mean squares of the later rows by axis, shape (n_joints,)."""
+        axis = np.where(evidence.is_later, evidence.axis, -1)
+        return _log_mean_squares(values, axis, len(self.level))
 
 
 def parts_of(time: Array, n_parts: int = PARTS) -> Indices:

@@ -404,9 +404,10 @@ class _Instead:
 
     def _restores(self, deviation: Deviation, each: Alternative) -> bool:
         """Return True if a reading makes later recordings similar to the earlier ones."""
-        read = each.explained
-        left = float((read.left / self._stated.left).min())
-        return left <= LEAVES and not deviation.significant(self._thin[0], read.residual)
+        thin, read = self._thin[0], each.explained.residual
+        # the earlier recordings are read as stated, and dilute the mean squares of both together
+        left = deviation.least_left(thin, read, self._stated.residual)
+        return left <= LEAVES and not deviation.significant(thin, read)
 
     def _spoils(self, each: Alternative) -> bool:
         """Return True if a reading leaves more of an axis: the right one leaves noise alone."""

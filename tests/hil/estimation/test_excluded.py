@@ -18,6 +18,7 @@ from trajectory_run import some_trajectory
 from hil.estimation.drive_train import directly_driven
 from hil.estimation.excluded import finding, proof
 from hil.estimation.excluded.causes import CAUSES
+from hil.estimation.excluded.deviation import Deviation
 from hil.estimation.excluded.evidence import measured
 from hil.estimation.excluded.finding import _Instead, excluded
 from hil.estimation.excluded.proof import changed as changed_between
@@ -471,6 +472,20 @@ def test_a_change_within_model_error_is_not_named(
         changed_between(robot, before, scaled(k * limit.size / 100.0)).found for k in (0.3, 1.3)
     ]
     assert [bool(found) for found in named] == [False, True]
+
+
+def test_a_reading_counts_by_what_it_leaves_of_the_later_recordings() -> None:
+    """Four fifths of the rows are earlier ones, which no reading of the later ones changes."""
+    n = 1000
+    later = np.arange(n) >= 4 * n // 5
+    noise = np.random.default_rng(1).standard_normal(n)
+    rows = SimpleNamespace(
+        axis=np.zeros(n, dtype=int), is_later=later, project_out_friction=lambda values: values
+    )
+    deviation = Deviation(np.zeros(2), np.zeros(2), 0.1, 3)
+    before = noise * np.where(later, 2.0, 1.0)
+    assert deviation.least_left(rows, noise, before) == pytest.approx(0.25)
+    assert np.mean(noise**2) / np.mean(before**2) > 0.5
 
 
 @pytest.mark.parametrize("seed", [50, 60, 70, 80])
