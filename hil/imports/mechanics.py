@@ -289,8 +289,14 @@ def _misread(
 
 
 def _explains(stated: Explained, other: _Other, noise: Array) -> float:
-    """Return the chi square that another reading explains beyond mean squares of `noise`."""
+    """Return the chi square that another reading explains beyond mean squares of `noise`.
+
+    A reading of the torques alone has the noise of the stated motion, which leaves at most as much
+    as this reading.
+    """
     here = other.explained.left
+    if other.explained.reading.key == stated.reading.key:
+        noise = np.minimum(noise, here)
     return float(stated.counts @ np.log(beyond_noise(stated.left, here, noise) / here))
 
 

@@ -152,15 +152,40 @@ def excluded(
     elif evidence.later is not None:
         stated = tuple(_testable(robot, p, battery, each) for each in stated)
     if evidence.later is not None and not instead.deviates:
-        friction, more = friction_changes(
+        friction, more, shared = friction_changes(
             robot, p if both is None else both, evidence, every, list(battery.given)
         )
+        friction = tuple(_explained_better(robot, shared, each) for each in friction if shared)
         # a change of all torques of an axis includes its friction
         explained = {axis for each in causes for axis in each.axes}
         causes = (*causes, *(each for each in friction if not explained & {*each.axes}))
         stated = (*stated, *more)
     unexplained = not causes and instead.deviates
     return Excluded(found=causes, limits=stated, tests=len(tests), unexplained=unexplained)
+
+
+def _explained_better(robot: Robot, shared: Battery, friction: Found) -> Found:
+    """Return the cause that explains a change of an axis's friction better, if any.
+
+    Torques that are late by T lack T dtau/dt, which has the sign of the speed where gravity acts
+    and hides behind friction of each recording. Friction that all recordings share separates them.
+    """
+    own = friction.cause, friction.axes[0] - 1
+    tests = {
+        key: at
+        for key, at in shared.columns.tests.items()
+        if key[1] == own[1] and shared.visible[at].any()
+    }
+    level = shared.level / len(shared.columns.tests)
+    likely = likeliest(shared, tests, level, partial(possible, robot, shared.evidence))
+    if likely is None or likely[0] == own:
+        return friction
+    key, test = likely
+    explains = explained_by(shared, tests, test.dispersion)
+    if alike(explains.pop(own), explains[key]):
+        return friction
+    others = {each: tests[each] for each in explains}
+    return Step(robot, key, test, shared, shared.extend(test.columns.tolist()), others).found
 
 
 def _testable(robot: Robot, p: Array, battery: Battery, limit: Limit) -> Limit:

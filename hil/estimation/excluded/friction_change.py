@@ -51,8 +51,10 @@ of friction hardly differs in shape from the terms beside the classes."""
 
 def friction_changes(
     robot: Robot, p: Array, evidence: Evidence, every: Columns, given: list[int]
-) -> tuple[tuple[Found, ...], tuple[Limit, ...]]:
-    """Return axes with changed friction, and the smallest detectable changes by axis.
+) -> tuple[tuple[Found, ...], tuple[Limit, ...], Battery | None]:
+    """Return axes with changed friction, the smallest detectable changes, and the tests' battery.
+
+    In the battery all recordings share the friction of an axis; None without visible friction.
 
     Parameters
     ----------
@@ -67,7 +69,7 @@ def friction_changes(
     """
     evidence, friction = _shared(robot, p, evidence)
     if not friction:
-        return (), ()
+        return (), (), None
     axes = sorted(friction)
     names = tuple(Column(FRICTION, axis) for axis in axes)
     values = 0.01 * np.column_stack([friction[axis] for axis in axes])
@@ -80,7 +82,7 @@ def friction_changes(
     every_test = [battery.test([k], itself=True) for k in range(len(axes))]
     tests = [test for test in every_test if test]
     if not tests:
-        return (), ()
+        return (), (), None
     at = np.concatenate([test.columns for test in tests])
     raw = 0.01 * np.array([test.size[0] for test in tests])
     error = 0.01 * np.array([test.error[0] for test in tests])
@@ -124,7 +126,7 @@ def friction_changes(
         )
         for n, column in enumerate(at)
     )
-    return found, limits
+    return found, limits, battery
 
 
 def _shared(robot: Robot, p: Array, evidence: Evidence) -> tuple[Evidence, dict[int, Array]]:

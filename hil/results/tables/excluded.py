@@ -21,7 +21,7 @@ NEVER, FOUND, UNTESTED = "-", "found", "?"
 
 
 MORE = "measure more (--gravity, --inertia, --coupling)"
-KEY = f"{NEVER}: no size would show; in brackets: larger than usual"
+KEY = f"{NEVER}: no size is sure to show; in brackets: larger than usual"
 
 
 def excluded(

@@ -474,6 +474,21 @@ def test_a_change_within_model_error_is_not_named(
     assert [bool(found) for found in named] == [False, True]
 
 
+def test_a_delay_of_slow_motions_is_no_change_of_friction(robot: Robot) -> None:
+    """Friction of each recording hides the delay of torques that follow gravity."""
+    p = np.array([TRUTH[head] for head in base_parameters(robot).heads])
+    before = recorded(robot, p, n=3, pace=0.15, seed=1)
+    after = recorded(robot, p, n=1, pace=0.15, seed=60)
+    late = 8
+
+    def delay(_q: Array, tau: Array, _time: Array) -> None:
+        tau[late:, 0] = tau[:-late, 0].copy()
+
+    (found,) = changed_between(robot, before, changed(after, delay)).found
+    assert (found.cause, found.axes) == ("torque delay", (1,))
+    assert found.size == pytest.approx(4.0 * late, rel=0.2)
+
+
 def test_a_reading_counts_by_what_it_leaves_of_the_later_recordings() -> None:
     """Four fifths of the rows are earlier ones, which no reading of the later ones changes."""
     n = 1000
