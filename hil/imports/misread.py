@@ -33,6 +33,12 @@ TOUCHES = math.ceil(-math.log2(CHANCE))
 
 By chance, each sample is on either side with equal probability.
 """
+SIDE, STRAIGHT = 0.1, 0.15
+"""Length of the sides of a minimum at zero [s], half a period at 5 Hz, and the tolerance of their
+middles over their ends: between a straight line, 1/2, and a parabola, 1/4."""
+SHARP = 4
+"""Minimum number of sharp minima: a smooth torque of one sign has none, and friction steps, at a
+reversal, on one side only."""
 OFTEN, CLOSE = 0.95, 0.05
 """Quantile for the ordinary step between samples, and distance from zero that counts as zero, in
 ordinary steps.
@@ -238,11 +244,14 @@ def _twice(excerpts: Sequence[Excerpt], evidence: Evidence) -> Iterator[Suspicio
 def _unsigned_torques(excerpts: Sequence[Excerpt]) -> Iterator[Suspicion]:
     """Yield a suspicion of torques that often reach zero and never cross it."""
     found: dict[int, int] = {}
+    sharp = 0
     for joint in range(excerpts[0].tau.shape[1]):
         parts = [excerpt.tau[:, joint] for excerpt in excerpts]
         if all(np.all(x >= 0) for x in parts) or all(np.all(x <= 0) for x in parts):
-            found[joint] = sum(_touches(np.abs(x)) for x in parts)
-    if sum(found.values()) >= TOUCHES:
+            bends = sum(_sharp_minima(np.abs(e.tau[:, joint]), e.period) for e in excerpts)
+            sharp += bends
+            found[joint] = max(bends, sum(_touches(np.abs(x)) for x in parts))
+    if sum(found.values()) >= TOUCHES or sharp >= SHARP:
         joints = [joint for joint, times in found.items() if times]
         yield Suspicion(
             "still",
@@ -251,6 +260,27 @@ def _unsigned_torques(excerpts: Sequence[Excerpt]) -> Iterator[Suspicion]:
             f"{sum(found.values())} times and never change sign, like absolute values of "
             "currents; name columns with signs",
         )
+
+
+def _sharp_minima(x: Array, period: float) -> int:
+    """Count minima close to zero with straight sides, as a crossing leaves in absolute values.
+
+    Halfway to a minimum at zero a straight line has half of its value, a parabola a quarter.
+    """
+    half = max(1, round(SIDE / 2.0 / period))
+    over = max(1, half // 4)
+    smooth = np.convolve(x, np.full(over, 1.0 / over), "valid")
+    if len(smooth) <= 4 * half:
+        return 0
+    # white noise of variance 1 has second differences of variance 6, with a median square of 0.455
+    noise = np.sqrt(np.median(np.diff(x, 2) ** 2) / (6.0 * 0.455 * over))
+    around = np.lib.stride_tricks.sliding_window_view(smooth, 4 * half + 1)
+    at = around[around[:, 2 * half] == around.min(axis=1)]
+    ends, middles = at[:, [0, -1]], at[:, [half, -half - 1]]
+    sides = middles / np.maximum(ends, np.finfo(float).tiny)
+    straight = (np.abs(sides - 0.5) < STRAIGHT).all(axis=1)
+    least = ends.min(axis=1)
+    return int(np.sum(straight & (at[:, 2 * half] < 0.1 * least) & (least > 10.0 * noise)))
 
 
 def _touches(x: Array) -> int:

@@ -37,6 +37,23 @@ def test_torques_that_lost_their_signs_are_named(seed):
     assert found(sines(seed)) == []
 
 
+@pytest.mark.parametrize("seed", range(5))
+def test_few_crossings_show_lost_signs_too_as_sharp_minima(seed):
+    few = len(TIME) // 6
+    noise = 0.1 * np.random.default_rng(seed).standard_normal((few, 2))
+    slow = 12 * np.sin(np.outer(TIME[:few], [1.1, 1.7])) + noise
+    later = np.vstack([slow, np.tile(slow[-1], (len(TIME) - few, 1))])
+    (suspicion,) = found(np.abs(later))
+    assert "never change sign, like absolute values" in suspicion.message
+    assert found(later) == []
+
+
+@pytest.mark.parametrize("noise", [0.0, 0.01, 0.1])
+def test_torques_that_touch_zero_without_a_bend_have_their_signs(noise):
+    wave = 6 + 6 * np.sin(np.outer(TIME, [1.1, 1.7]))
+    assert found(wave + noise * np.abs(np.random.default_rng(1).standard_normal(wave.shape))) == []
+
+
 @pytest.mark.parametrize("above", [2.5, 3, 4, 5, 8])
 def test_torques_that_stay_on_one_side_of_zero_are_not(above):
     for seed in range(20):
