@@ -381,15 +381,18 @@ def _others(stated: Explained, *, poor: bool) -> Iterator[_Other]:
     driven = np.unique(stated.evidence.axis[stated.evidence.recorded != 0]).tolist()
     for axis in driven if stated.torn <= EXPLAINS else ():
         found = searched(stated, sized(stated.robot, cause, axis), STARTS[cause], NONE_LEFT)
-        if found is not None and found[2].possible:
-            size, bend, here = found
-            share = 1.0 + size / 100.0
-            # two figures hold where twice the standard error is below a tenth
-            known = 100.0 * share > 20.0 * float(np.sqrt(2.0 / bend))
-            by = f"some {float(f'{max(share, 1.0 / share):.2g}'):g}" if known else "many"
-            words = f"its torque is {by} times too {'large' if share < 1.0 else 'small'}"
-            gain = stated_misfit - here.misfit - here.negative
-            yield _Other(gain, False, cause, (axis,), words, here)
+        if found is None or not found[2].possible:
+            continue
+        size, bend, here = found
+        share, error = 1.0 + size / 100.0, float(np.sqrt(2.0 / bend)) / 100.0
+        if share <= 2.0 * error:  # a factor without bound is no gain: the axes hardly interact
+            continue
+        # two figures hold where twice the standard error is below a tenth
+        known = share > 20.0 * error
+        by = f"some {float(f'{max(share, 1.0 / share):.2g}'):g}" if known else "many"
+        words = f"its torque is {by} times too {'large' if share < 1.0 else 'small'}"
+        gain = stated_misfit - here.misfit - here.negative
+        yield _Other(gain, False, cause, (axis,), words, here)
 
 
 def _suspicion(
