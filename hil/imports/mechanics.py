@@ -379,7 +379,7 @@ def _others(stated: Explained, *, poor: bool) -> Iterator[_Other]:
                 yield _Other(gain, brakes, cause, axes, words, here)
     cause = "torque constant"
     driven = np.unique(stated.evidence.axis[stated.evidence.recorded != 0]).tolist()
-    for axis in driven if stated.torn <= EXPLAINS else ():
+    for axis in driven if stated.torn else ():
         found = searched(stated, sized(stated.robot, cause, axis), STARTS[cause], NONE_LEFT)
         if found is None or not found[2].possible:
             continue

@@ -76,6 +76,9 @@ FACTOR = 0.25
 an eighth of the torque at most, less than what the other axes contradict."""
 NONE_LEFT = -100.0
 """Change to a factor of zero [%]."""
+TORN = 1.0 / 9.0
+"""Largest share of an axis's mean square that contradicts the other axes: three standard deviations
+of what its own base parameters leave."""
 TORQUE = 3
 """Index of the torque among the kinds of signal, after position, velocity and acceleration."""
 DELAYS = {"torque delay": TORQUE, "position delay": 0}
@@ -227,18 +230,18 @@ class Explained:
         return self.instead(reading, columns=columns) if misfit < most else None
 
     @cached_property
-    def torn(self) -> float:
-        """Least share of an axis's mean square left by base parameters of its own.
+    def torn(self) -> bool:
+        """True if base parameters of its own leave at most the share `TORN` of an axis's residual.
 
-        The axes share parameters of the outer links, so a small share contradicts the reading. A
-        gain of a torque changes neither of the two mean squares alone.
+        The axes share parameters of the outer links, so they contradict each other then, as with
+        another gain of one torque, which changes nothing of an axis alone.
         """
         blocks = _columns(self.robot, self.evidence, self.reading, self.more).blocks
         counts, n, evidence = self.counts, self.p.size, self.evidence
         driven = np.bincount(evidence.axis, evidence.recorded != 0, minlength=len(counts)) > 0
         shown = driven & (counts > n)  # zeros in place of a torque have no gain
         left = _left_apart(blocks, self.evidence.least)[shown] / self.left[shown]
-        return float((left * counts[shown] / (counts[shown] - n)).min(initial=1.0))
+        return bool((left * counts[shown] <= TORN * (counts[shown] - n)).any())
 
     @cached_property
     def _regressors(self) -> dict[tuple[object, ...], dict[tuple[int, int], Array]]:
@@ -616,10 +619,11 @@ def searched(
     """Search the best size near the best start; return size, curvature and fit.
 
     None if the best start explains no more than the stated reading, or if the search ends where
-    the misfit has no minimum. Curvature is the second derivative of the misfit. Sizes above -100 %
-    are searched by the logarithm of the factor: a gain of 1000 has as wide a minimum as one of 2.
+    the misfit has no minimum. Curvature is the second derivative of the misfit. Where axes
+    contradict each other, sizes above -100 % are searched by the logarithm of the factor: a gain of
+    1000 has as wide a minimum as one of 2.
     """
-    factor = least == NONE_LEFT
+    factor = stated.torn and least == NONE_LEFT
 
     def change(x: float) -> float:
         return 100.0 * float(np.expm1(x)) if factor else x

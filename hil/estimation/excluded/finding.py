@@ -387,7 +387,7 @@ class _Instead:
         white = self.evidence.overlap
         sound = self._scatter < max(CONTRADICTS, USUAL * white) and self._stated.possible
         large = any(each.left < LARGE for each in self.causes)
-        beyond = self.beyond or (not large and self._stated.torn <= EXPLAINS)
+        beyond = self.beyond or (not large and self._stated.torn)
         if sound and not (beyond or large):
             return self.causes
         found = self._likeliest()
