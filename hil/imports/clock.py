@@ -81,14 +81,15 @@ def clock_suspicions(
     explained = any(abs(common / factor - 1.0) < LEAST for factor in units)
     if agreeing and not explained and abs(np.log(common)) > max(LEAST, float(error.min())):
         has = f"the map states {rate:.5g}" if rate else f"samples are stamped at {1 / period:.5g}"
+        alone = len(ratio) == 1  # its velocity may have another unit as well
         yield Suspicion(
             "velocity",
             ("time",),
-            f"{has} Hz, but recorded velocities of "
-            f"{'joint' if len(ratio) == 1 else 'joints'} {joints} are {common:.4g} times the "
-            f"derivatives of the positions: at {common * (rate or 1 / period):.5g} Hz all of them "
-            f"fit; correct the {'rate' if rate else 'stamps'} or the unit of time, or the "
-            "velocities' common unit",
+            f"{has} Hz, but recorded velocities of {'joint' if alone else 'joints'} {joints} are "
+            f"{common:.4g} times the derivatives of the positions: at "
+            f"{common * (rate or 1 / period):.5g} Hz {'they' if alone else 'all of them'} fit; "
+            f"correct the {'rate' if rate else 'stamps'} or the unit of time, or "
+            f"{'unit or column of this velocity' if alone else 'the common unit of velocities'}",
             certain=len(ratio) > 1 and abs(np.log(common)) > np.log(OTHER),
             first=True,
         )

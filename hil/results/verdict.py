@@ -93,8 +93,12 @@ def _found(model: Model) -> Iterator[Reservation]:
             yield (failed if spoilt else doubtful)(str(cause), cause.remedy)
 
 
-def _unexplained(fit: FreeMotionFit, in_motion: Array | None) -> Reservation | None:
+def _unexplained(
+    fit: FreeMotionFit, in_motion: Array | None, warnings: Sequence[str] = ()
+) -> Reservation | None:
     """Return an objection to a residual of free motions close to that of a constant torque.
+
+    Its reason is the import's, if one of its `warnings` is about a column of this joint.
 
     Static friction holds an axis at rest with any torque up to its limit, so a smaller residual
     `in_motion`, over the torque, counts instead; shape (n_joints,), NaN where unknown.
@@ -125,6 +129,10 @@ def _unexplained(fit: FreeMotionFit, in_motion: Array | None) -> Reservation | N
             f"{reason}: its torque is almost constant",
             "add recordings in which the torque of this axis changes, or check its column",
         )
+    of_joint = [x for x in warnings if f"joints.{worst - 1}." in x and LAST not in x]
+    if of_joint and share <= HALF:
+        warned = _warned(of_joint[0])
+        return failed(f"{reason}; {warned.reason}", warned.remedy)
     if share <= HALF:
         return failed(
             reason, "check columns, signs and units of the recording, and the direction of gravity"
@@ -325,7 +333,9 @@ def _not_identified(model: Model) -> Iterator[Reservation]:
 def _free_motions(model: Model) -> Iterator[Reservation]:
     if isinstance(model.details, FreeMotionFit):
         left = model.band_residual.relative_without_noise if model.band_residual else None
-        yield from reservations((partial(_unexplained, in_motion=left),), model.details)
+        of_imports = model.provenance.warnings
+        rule = partial(_unexplained, in_motion=left, warnings=of_imports)
+        yield from reservations((rule,), model.details)
         yield from _biased(model, model.details)
         yield from reservations(OF_FREE_MOTIONS, model.details)
 

@@ -37,6 +37,18 @@ def test_noise_in_place_of_a_torque_remains_a_matter_of_columns(tmp_path):
     assert "dead band" not in found
 
 
+def test_a_column_that_the_import_warned_of_is_the_reason(tmp_path):
+    def hold_noise(torque):
+        every = np.random.default_rng(2).standard_normal(len(torque) // 10 + 1)
+        return np.repeat(every, 10)[: len(torque)]
+
+    found = verdict(tmp_path, hold_noise, accept=("shape", "range"))
+    assert "axis 2: the model leaves" in found
+    assert "import warned" in found.partition("\n")[0]
+    assert "joints.1.torque: repeats the value of the previous row" in found
+    assert "check columns, signs and units" not in found
+
+
 @pytest.mark.parametrize("step", [0.5, 2.0])
 def test_a_coarse_torque_that_shows_the_motion_is_not_doubted_for_it(tmp_path, step):
     assert "dead band" not in verdict(tmp_path, lambda x: step * np.round(x / step))
